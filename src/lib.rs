@@ -1,0 +1,4 @@
+//! bevy_treeline
+pub mod asset;
+pub mod bake;
+pub mod math;

@@ -1,0 +1,6 @@
+//! L0: pure mathematics. Knows no Bevy but `bevy::math`.
+
+pub mod bounding;
+pub mod hash;
+pub mod octahedral;
+pub mod quantize;
