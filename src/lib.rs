@@ -1,4 +1,34 @@
-//! bevy_treeline
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
 pub mod asset;
 pub mod bake;
+pub mod diagnostics;
+pub mod forest;
+pub mod gpu;
+#[cfg(feature = "landscape")]
+pub mod landscape;
+pub mod lod;
 pub mod math;
+mod plugin;
+pub mod render;
+pub mod shaders;
+pub mod species;
+
+pub use asset::{CacheLocation, TreeAsset};
+pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
+pub use diagnostics::TreelineDiagnosticsPlugin;
+pub use forest::{
+    Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems,
+};
+pub use plugin::TreelinePlugin;
+pub use render::{TreelineCounters, ViewCounters};
+
+/// What most apps name.
+pub mod prelude {
+    pub use crate::{
+        BakeSettings, Forest, LodState, TreeAsset, TreeBaker, TreeImpostor, TreeInstance, TreelinePlugin,
+        TreelineSettings,
+    };
+}

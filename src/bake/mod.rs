@@ -1,6 +1,30 @@
 //! L2: mesh → tree. `source` → `peel` → `surfels` → `order` → `assemble`; `job` runs it in the background.
+//!
+//! ```no_run
+//! use bevy_treeline::bake::{BakeContext, BakeSettings, bake_file};
+//! let settings = BakeSettings { ldi_size: 1024, ..Default::default() };
+//! let baked = bake_file("oak.glb".as_ref(), &settings, &BakeContext::default(), &|_, _| ())?;
+//! println!("{} points", baked.data.point_count());
+//! # Ok::<(), bevy_treeline::bake::BakeError>(())
+//! ```
 
+mod assemble;
+mod entities;
+mod job;
+mod loader;
+mod near;
 pub mod order;
 pub mod peel;
-pub mod settings;
+pub mod predict;
+mod settings;
 pub mod source;
+pub mod surfels;
+mod texture;
+
+pub use assemble::{BakeContext, BakeError, BakeStage, Baked, bake_file, bake_model};
+pub use entities::{EntityModelError, model_of_entities};
+pub(crate) use job::BakePlugin;
+pub use job::{BakeFailed, BakeProgress, BakeTasks, TreeBaker};
+pub use loader::{LoadTreeError, NearMeshLoader, TreeLoader, TreeLoaderSettings, TreeSaver};
+pub use near::{NearMeshSource, near_mesh_sources};
+pub use settings::{BakeSettings, OrderMethod, PeelBackend, SettingsError};

@@ -1,0 +1,51 @@
+// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size}.rs, statement for statement.
+#define_import_path bevy_treeline::lod
+
+struct FadeBand {
+    near: f32,
+    middle: f32,
+    far: f32,
+}
+
+struct FadeState {
+    mesh: f32,
+    points: f32,
+}
+
+fn d0(s: f32, z0: f32) -> f32 {
+    return s * z0;
+}
+
+fn prefix_count(n0: f32, s: f32, z0: f32, d: f32, quality: f32) -> f32 {
+    let ratio = d0(s, z0) / max(d, 1e-6);
+    return min(n0 * quality * ratio * ratio, n0);
+}
+
+fn round_count(wanted: f32, hash: f32) -> u32 {
+    return u32(wanted + hash);
+}
+
+fn fade_band(d0: f32, min_mesh_distance: f32, width: f32, jitter: f32, hash: f32) -> FadeBand {
+    let far = max(d0, min_mesh_distance) * (1.0 - jitter * hash);
+    return FadeBand(far * (1.0 - width), far * (1.0 - 0.5 * width), far);
+}
+
+fn ramp(d: f32, start: f32, end: f32) -> f32 {
+    if end - start < 1e-6 {
+        return select(0.0, 1.0, d >= end);
+    }
+    return clamp((d - start) / (end - start), 0.0, 1.0);
+}
+
+fn fade_state(band: FadeBand, d: f32) -> FadeState {
+    return FadeState(1.0 - ramp(d, band.middle, band.far), ramp(d, band.near, band.middle));
+}
+
+fn disc_radius(area: f32, n: f32, leaf_area: f32, overlap_gain: f32) -> f32 {
+    let a = area / max(n, 1e-6);
+    var closed = 1.0;
+    if leaf_area > 0.0 {
+        closed = 1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a));
+    }
+    return sqrt((1.0 + overlap_gain * closed) * a / 3.14159265);
+}

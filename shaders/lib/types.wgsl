@@ -1,0 +1,82 @@
+// Structs shared with Rust (src/gpu/types.rs, src/asset/surfel.rs); tests/shader_layout.rs compares them.
+#define_import_path bevy_treeline::types
+
+struct SurfelHot {
+    position_xy: u32,
+    position_z_face: u32,
+}
+
+struct SurfelCold {
+    normal_albedo_rg: u32,
+    albedo_b_misc: u32,
+}
+
+struct Species {
+    lo: vec3<f32>,
+    first_point: u32,
+    extent: vec3<f32>,
+    point_count: u32,
+    center: vec3<f32>,
+    radius: f32,
+    pixel: f32,
+    surface_area: f32,
+    mean_leaf_area: f32,
+    pad: u32,
+}
+
+struct TreeInstance {
+    position: vec3<f32>,
+    scale: f32,
+    rotation: vec2<u32>,
+    tint: u32,
+    species_seed_flags: u32,
+}
+
+struct InstanceDraw {
+    count: u32,
+    radius: f32,
+}
+
+struct WorkItem {
+    instance: u32,
+    first_point: u32,
+    count: u32,
+    radius: f32,
+}
+
+struct SelectSettings {
+    size: vec2<u32>,
+    origin: vec2<u32>,
+    instance_count: u32,
+    item_capacity: u32,
+    z0: f32,
+    quality: f32,
+    min_mesh_distance: f32,
+    fade_width: f32,
+    fade_jitter: f32,
+    overlap_gain: f32,
+    orthographic: u32,
+    splat_shape: u32,
+    has_prepass: u32,
+    pad: u32,
+}
+
+struct Counters {
+    instances_seen: atomic<u32>,
+    culled_frustum: atomic<u32>,
+    culled_small: atomic<u32>,
+    as_mesh: atomic<u32>,
+    in_fade: atomic<u32>,
+    points: atomic<u32>,
+    items: atomic<u32>,
+    item_overflow: atomic<u32>,
+    covered_blocks: atomic<u32>,
+    covered_pixels: atomic<u32>,
+    pad: array<u32, 2>,
+}
+
+struct IndirectArgs {
+    splat: vec3<u32>,
+    pad0: u32,
+    resolve: vec4<u32>,
+}

@@ -1,0 +1,77 @@
+// Visibility buffer → lit colour and depth, inside Bevy's main pass and with Bevy's own lighting.
+//
+// One quad per covered block of pixels. Runs before the opaque pass, so that terrain hidden by trees is never shaded.
+#import bevy_pbr::mesh_view_bindings::view
+#import bevy_pbr::mesh_types::MESH_FLAGS_SHADOW_RECEIVER_BIT
+#import bevy_pbr::pbr_functions
+#import bevy_pbr::pbr_types::{STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT, pbr_input_new}
+#import bevy_treeline::instance::{rotate, rotation_of, tint_of}
+#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_roughness, surfel_normal}
+#import bevy_treeline::types::{SurfelCold, SurfelHot, TreeInstance, WorkItem}
+
+@group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
+@group(2) @binding(1) var<storage, read> items: array<WorkItem>;
+@group(2) @binding(2) var<storage, read> surfels_hot: array<SurfelHot>;
+@group(2) @binding(3) var<storage, read> surfels_cold: array<SurfelCold>;
+// Read as two words, so that this stage needs no 64-bit support: payload, depth bits.
+@group(2) @binding(4) var<storage, read> visibility: array<vec2<u32>>;
+@group(2) @binding(5) var<storage, read> blocks: array<u32>;
+
+@vertex
+fn resolve_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) quad: u32) -> @builtin(position) vec4<f32> {
+    let block = blocks[quad];
+    let right = select(0u, #{RESOLVE_BLOCK}u, corner == 1u || corner == 2u || corner == 4u);
+    let down = select(0u, #{RESOLVE_BLOCK}u, corner == 2u || corner == 4u || corner == 5u);
+    let pixel = vec2<f32>(vec2((block & 0xffffu) + right, (block >> 16u) + down));
+    return vec4(pixel / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0), 0.0, 1.0);
+}
+
+struct Resolved {
+    @location(0) color: vec4<f32>,
+    @builtin(frag_depth) depth: f32,
+}
+
+@fragment
+fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
+    let size = vec2<u32>(view.viewport.zw);
+    let pixel = vec2<u32>(frag_coord.xy - view.viewport.xy);
+    let texel = visibility[min(pixel.y, size.y - 1u) * size.x + min(pixel.x, size.x - 1u)];
+    if texel.x == 0u {
+        discard;
+    }
+    let item = items[(texel.x - 1u) >> 6u];
+    let point = item.first_point + ((texel.x - 1u) & 63u);
+    let instance = instances[item.instance];
+    let cold = surfels_cold[point];
+    let rotation = rotation_of(instance);
+    let depth = bitcast<f32>(texel.y);
+
+    let ndc = vec2(vec2<f32>(pixel) + 0.5) / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
+    let position = view.world_from_clip * vec4(ndc, depth, 1.0);
+    let albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+
+    var pbr = pbr_input_new();
+    pbr.frag_coord = vec4(frag_coord.xy, depth, 1.0);
+    pbr.world_position = position / position.w;
+    pbr.is_orthographic = view.clip_from_view[3].w == 1.0;
+    pbr.V = pbr_functions::calculate_view(pbr.world_position, pbr.is_orthographic);
+    pbr.flags = MESH_FLAGS_SHADOW_RECEIVER_BIT;
+    pbr.material.base_color = vec4(albedo, 1.0);
+    pbr.material.flags |= STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT;
+    var color = pbr.material.base_color;
+    if (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u {
+        // The face decides which side is seen, as a rasteriser would: interpolated normals look away on low-poly trunks.
+        let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
+        let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
+        pbr.N = select(-normal, normal, dot(face, pbr.V) >= 0.0);
+        pbr.world_normal = pbr.N;
+        pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
+        pbr.material.metallic = 0.0;
+        pbr.diffuse_occlusion = vec3(surfel_ambient_visibility(cold.albedo_b_misc));
+        color = pbr_functions::apply_pbr_lighting(pbr);
+    }
+    var out: Resolved;
+    out.color = pbr_functions::main_pass_post_lighting_processing(pbr, color);
+    out.depth = depth;
+    return out;
+}

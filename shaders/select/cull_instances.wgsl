@@ -1,0 +1,81 @@
+// Culls instances and decides how many points of each are drawn.
+//
+// One thread per instance. In: species, instances, view. Out: `draws` (points and splat radius of each instance) and
+// `block_items` (work items of each block of instances). O(instances). CPU twin: src/forest/select.rs.
+#import bevy_treeline::hash::unit_from_bits
+#import bevy_treeline::instance::{NOT_RESIDENT, has_mesh, rotate, rotation_of, seed_of, species_of}
+#import bevy_treeline::lod::{d0, disc_radius, fade_band, fade_state, prefix_count, round_count}
+#import bevy_treeline::select_bindings::{WORKGROUP, block_index, block_items, counters, draws, instances, item_count, settings, species, view}
+#import bevy_treeline::types::InstanceDraw
+
+
+var<workgroup> group_items: atomic<u32>;
+
+fn outside_frustum(center: vec3<f32>, radius: f32) -> bool {
+    // Plane 5 is the far plane, which bounds nothing: the projection is infinite.
+    for (var i = 0u; i < 5u; i++) {
+        if dot(view.frustum[i].xyz, center) + view.frustum[i].w < -radius {
+            return true;
+        }
+    }
+    return false;
+}
+
+fn select_instance(index: u32) -> InstanceDraw {
+    var nothing = InstanceDraw(0u, 0.0);
+    let instance = instances[index];
+    let kind_index = species_of(instance);
+    if kind_index == NOT_RESIDENT {
+        return nothing;
+    }
+    let kind = species[kind_index];
+    atomicAdd(&counters.instances_seen, 1u);
+    let center = instance.position + rotate(rotation_of(instance), kind.center * instance.scale);
+    if outside_frustum(center, kind.radius * instance.scale) {
+        atomicAdd(&counters.culled_frustum, 1u);
+        return nothing;
+    }
+    // An orthographic view has the same scale everywhere: distance 1, where Z0 holds. It draws points only.
+    let d = select(distance(center, view.world_position), 1.0, settings.orthographic != 0u);
+    let s = kind.pixel * instance.scale;
+    let n0 = f32(kind.point_count);
+    let n = prefix_count(n0, s, settings.z0, d, settings.quality);
+    var wanted = n;
+    if has_mesh(instance) && settings.orthographic == 0u {
+        let hash = unit_from_bits(seed_of(instance));
+        let band = fade_band(d0(s, settings.z0), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
+        let state = fade_state(band, d);
+        if state.points <= 0.0 {
+            atomicAdd(&counters.as_mesh, 1u);
+            return nothing;
+        }
+        if state.mesh > 0.0 {
+            atomicAdd(&counters.in_fade, 1u);
+        }
+        wanted *= state.points;
+    }
+    let count = round_count(wanted, unit_from_bits(index ^ 0x51ed270bu));
+    if count == 0u {
+        atomicAdd(&counters.culled_small, 1u);
+        return nothing;
+    }
+    // The splat size follows the prefix before fading: points leave, they do not grow.
+    let scale2 = instance.scale * instance.scale;
+    let radius = disc_radius(kind.surface_area * scale2, n, kind.mean_leaf_area * scale2, settings.overlap_gain);
+    return InstanceDraw(min(count, kind.point_count), radius);
+}
+
+@compute @workgroup_size(#{SELECT_WORKGROUP})
+fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let block = block_index(group, groups);
+    let index = block * WORKGROUP + lane;
+    if index < settings.instance_count {
+        let draw = select_instance(index);
+        draws[index] = draw;
+        atomicAdd(&group_items, item_count(draw.count));
+    }
+    workgroupBarrier();
+    if lane == 0u && block < arrayLength(&block_items) {
+        block_items[block] = atomicLoad(&group_items);
+    }
+}

@@ -1,0 +1,67 @@
+// Writes the work items, in the order of instances and points, whatever order threads run in.
+//
+// One workgroup per block of instances; its threads share all items of the block, so that a near tree with
+// thousands of items does not keep one thread busy. CPU twin: src/forest/select.rs.
+#import bevy_treeline::instance::species_of
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, WORKGROUP, block_index, block_items, counters, draws, instances, item_count, items, settings, species}
+#import bevy_treeline::types::WorkItem
+
+var<workgroup> first_item: array<u32, #{SELECT_WORKGROUP}>;
+var<workgroup> group_points: atomic<u32>;
+
+@compute @workgroup_size(#{SELECT_WORKGROUP})
+fn emit_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let block = block_index(group, groups);
+    let begin = block * WORKGROUP;
+    var own = 0u;
+    if begin + lane < settings.instance_count {
+        own = item_count(draws[begin + lane].count);
+    }
+    first_item[lane] = own;
+    workgroupBarrier();
+    // Inclusive scan (Hillis and Steele 1986): log2(256) steps.
+    for (var step = 1u; step < WORKGROUP; step <<= 1u) {
+        var before = 0u;
+        if lane >= step {
+            before = first_item[lane - step];
+        }
+        workgroupBarrier();
+        first_item[lane] += before;
+        workgroupBarrier();
+    }
+    let total = first_item[WORKGROUP - 1u];
+    workgroupBarrier();
+    first_item[lane] -= own;
+    workgroupBarrier();
+
+    if begin < settings.instance_count {
+        let base = block_items[block];
+        for (var k = lane; k < total; k += WORKGROUP) {
+            if base + k >= settings.item_capacity {
+                break;
+            }
+            // The last instance whose first item is not after k.
+            var low = 0u;
+            var high = WORKGROUP;
+            while high - low > 1u {
+                let middle = (low + high) / 2u;
+                if first_item[middle] <= k {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            let index = begin + low;
+            let draw = draws[index];
+            let first = (k - first_item[low]) * POINTS_PER_ITEM;
+            let count = min(draw.count - first, POINTS_PER_ITEM);
+            let kind = species_of(instances[index]);
+            items[base + k] = WorkItem(index, species[kind].first_point + first, count, draw.radius);
+            atomicAdd(&group_points, count);
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        atomicAdd(&counters.points, atomicLoad(&group_points));
+    }
+}

@@ -1,0 +1,18 @@
+// Bindings of every splat pass.
+#define_import_path bevy_treeline::splat_bindings
+
+#import bevy_render::view::View
+#import bevy_treeline::types::{Counters, SelectSettings, Species, SurfelHot, TreeInstance, WorkItem}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> settings: SelectSettings;
+@group(0) @binding(2) var<storage, read> species: array<Species>;
+@group(0) @binding(3) var<storage, read> instances: array<TreeInstance>;
+@group(0) @binding(4) var<storage, read> items: array<WorkItem>;
+@group(0) @binding(5) var<storage, read> surfels_hot: array<SurfelHot>;
+@group(0) @binding(6) var<storage, read_write> counters: Counters;
+
+// Payload of the visibility buffer: 0 is "no point", else item << 6 | lane, plus 1.
+fn payload_of(item: u32, lane: u32) -> u32 {
+    return ((item << 6u) | lane) + 1u;
+}

@@ -1,0 +1,140 @@
+//! A source model as Bevy meshes and materials: what is drawn near the camera.
+
+use super::source::{SourceAlpha, SourceImage, SourceMaterial, SourceModel, SourceWrap};
+use crate::{
+    asset::{NearMesh, NearMeshPiece},
+    math::bounding::Aabb,
+};
+use bevy::{
+    asset::RenderAssetUsages,
+    image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor},
+    mesh::{Indices, PrimitiveTopology},
+    prelude::*,
+    render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat},
+};
+
+/// One part of a near mesh before it has handles.
+#[derive(Clone, Debug)]
+pub struct NearMeshSource {
+    /// All triangles of one material, relative to the centre of the model's box.
+    pub mesh: Mesh,
+    /// Without its texture.
+    pub material: StandardMaterial,
+    /// Base colour texture.
+    pub texture: Option<Image>,
+    /// Centre of the part's box.
+    pub center: Vec3,
+    /// Half the extent of the part's box.
+    pub half_extents: Vec3,
+}
+
+/// The model's triangles gathered by material, in the order of materials.
+pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
+    let middle = model.bounds().center();
+    let parts = model.materials.iter().enumerate().filter_map(|(index, material)| {
+        let meshes: Vec<_> =
+            model.meshes.iter().filter(|m| m.material == index && !m.triangles.is_empty()).collect();
+        let first = meshes.first()?;
+        let textured = material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());
+        let colored = meshes.iter().any(|m| !m.colors.is_empty());
+        let (mut positions, mut normals, mut uvs, mut colors, mut indices) =
+            (vec![], vec![], vec![], vec![], Vec::<u32>::new());
+        for mesh in &meshes {
+            let base = positions.len() as u32;
+            let count = mesh.positions.len();
+            positions.extend(mesh.positions.iter().map(|p| (*p - middle).to_array()));
+            normals.extend(mesh.normals.iter().map(Vec3::to_array));
+            if textured {
+                let zero = Vec2::ZERO;
+                uvs.extend((0..count).map(|i| mesh.uvs.get(i).unwrap_or(&zero).to_array()));
+            }
+            if colored {
+                let white = Vec4::ONE;
+                colors.extend((0..count).map(|i| mesh.colors.get(i).unwrap_or(&white).to_array()));
+            }
+            indices.extend(mesh.triangles.iter().flatten().map(|i| base + i));
+        }
+        debug_assert_eq!(first.positions.len().min(1), 1);
+        let bounds = Aabb::of(positions.iter().map(|p| Vec3::from_array(*p)));
+        // Only the renderer needs the vertices: bounds are given, and nobody picks a tree leaf by leaf.
+        let mut out = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
+            .with_inserted_indices(Indices::U32(indices));
+        if textured {
+            out.insert_attribute(Mesh::ATTRIBUTE_UV_0, uvs);
+        }
+        if colored {
+            out.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);
+        }
+        Some(NearMeshSource {
+            mesh: out,
+            material: standard_material(material),
+            texture: textured.then(|| texture(model, material)).flatten(),
+            center: bounds.center(),
+            half_extents: bounds.extent() * 0.5,
+        })
+    });
+    parts.collect()
+}
+
+fn standard_material(material: &SourceMaterial) -> StandardMaterial {
+    let c = material.base_color;
+    let uv = material.base_color_texture.as_ref().map(|t| t.uv_transform);
+    StandardMaterial {
+        base_color: LinearRgba::new(c.x, c.y, c.z, c.w).into(),
+        perceptual_roughness: material.perceptual_roughness,
+        metallic: material.metallic,
+        double_sided: material.double_sided,
+        cull_mode: (!material.double_sided).then_some(Face::Back),
+        unlit: material.unlit,
+        alpha_mode: match material.alpha {
+            SourceAlpha::Opaque => AlphaMode::Opaque,
+            SourceAlpha::Mask(cut_off) => AlphaMode::Mask(cut_off),
+        },
+        uv_transform: uv.map_or(default(), bevy::math::Affine2::from_mat3),
+        ..default()
+    }
+}
+
+fn texture(model: &SourceModel, material: &SourceMaterial) -> Option<Image> {
+    let texture = material.base_color_texture.as_ref()?;
+    let SourceImage { width, height, rgba8 } = model.images.get(texture.image)?;
+    let size = Extent3d { width: *width, height: *height, depth_or_array_layers: 1 };
+    let mut image = Image::new(
+        size,
+        TextureDimension::D2,
+        rgba8.clone(),
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    let address = |wrap| match wrap {
+        SourceWrap::Repeat => ImageAddressMode::Repeat,
+        SourceWrap::MirroredRepeat => ImageAddressMode::MirrorRepeat,
+        SourceWrap::ClampToEdge => ImageAddressMode::ClampToEdge,
+    };
+    let filter = if texture.nearest { ImageFilterMode::Nearest } else { ImageFilterMode::Linear };
+    image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {
+        address_mode_u: address(texture.wrap[0]),
+        address_mode_v: address(texture.wrap[1]),
+        mag_filter: filter,
+        min_filter: filter,
+        ..ImageSamplerDescriptor::linear()
+    });
+    Some(image)
+}
+
+/// Gives the parts handles, by whatever means the caller has.
+pub(super) fn near_mesh(
+    sources: Vec<NearMeshSource>,
+    mut add_image: impl FnMut(usize, Image) -> Handle<Image>,
+    mut add: impl FnMut(usize, Mesh, StandardMaterial) -> (Handle<Mesh>, Handle<StandardMaterial>),
+) -> NearMesh {
+    let parts = sources.into_iter().enumerate().map(|(i, source)| {
+        let mut material = source.material;
+        material.base_color_texture = source.texture.map(|image| add_image(i, image));
+        let (mesh, material) = add(i, source.mesh, material);
+        NearMeshPiece { mesh, material, center: source.center, half_extents: source.half_extents }
+    });
+    NearMesh { parts: parts.collect() }
+}

@@ -1,0 +1,206 @@
+//! Options and errors that several commands share.
+
+use bevy_treeline::{
+    BakeSettings, SplatPath,
+    asset::BakeCache,
+    bake::{BakeContext, BakeError, BakeStage, Baked, OrderMethod, PeelBackend, bake_file, peel::gpu::GpuPeeler},
+    gpu::headless::headless_device,
+};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// What a command ends with if it fails: a sentence for the user.
+#[derive(Debug, thiserror::Error)]
+pub enum ToolError {
+    #[error(transparent)]
+    Bake(#[from] BakeError),
+    #[error(transparent)]
+    File(#[from] bevy_treeline::asset::FileError),
+    #[error("cannot write {path}: {error}; choose another folder with --out, or make this one writable")]
+    Write { path: String, error: String },
+    #[error("there is no GPU: {0}")]
+    NoGpu(String),
+    #[error("{0}")]
+    Message(String),
+}
+
+impl ToolError {
+    pub fn write(path: &Path, error: impl ToString) -> Self {
+        Self::Write { path: path.display().to_string(), error: error.to_string() }
+    }
+}
+
+pub type ToolResult<T = ()> = Result<T, ToolError>;
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum OrderArg {
+    Random,
+    FarthestPoint,
+    BlueNoise,
+    Lattice,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PeelArg {
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum SplatPathArg {
+    #[default]
+    Auto,
+    U64,
+    U32,
+}
+
+impl From<SplatPathArg> for SplatPath {
+    fn from(arg: SplatPathArg) -> Self {
+        match arg {
+            SplatPathArg::Auto => Self::Auto,
+            SplatPathArg::U64 => Self::U64,
+            SplatPathArg::U32 => Self::U32,
+        }
+    }
+}
+
+/// How to bake.
+#[derive(Args, Clone, Debug)]
+pub struct BakeOptions {
+    /// Longest side of a layered depth image, in pixels (1 to 16384).
+    #[arg(long = "ldi", default_value_t = 512)]
+    pub ldi: u32,
+    /// Peeling directions (3 to 64).
+    #[arg(long, default_value_t = 3)]
+    pub directions: u32,
+    /// Layers per direction at most.
+    #[arg(long, default_value_t = 256)]
+    pub max_layers: u32,
+    /// Give each direction only the triangles most perpendicular to it.
+    #[arg(long)]
+    pub partition: bool,
+    /// Order of the points.
+    #[arg(long, value_enum, default_value = "lattice")]
+    pub order: OrderArg,
+    /// Who peels; `auto` takes the GPU unless it is a software driver.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub peel: PeelArg,
+    /// Seed of the order.
+    #[arg(long = "bake-seed", default_value_t = 1)]
+    pub bake_seed: u64,
+    /// Folder of baked trees of earlier runs (default: the user's cache folder).
+    #[arg(long)]
+    pub cache: Option<PathBuf>,
+    /// Neither read nor write the cache.
+    #[arg(long)]
+    pub no_cache: bool,
+}
+
+impl BakeOptions {
+    pub fn settings(&self) -> BakeSettings {
+        BakeSettings {
+            ldi_size: self.ldi,
+            directions: self.directions,
+            max_layers: self.max_layers,
+            partition_triangles: self.partition,
+            order: match self.order {
+                OrderArg::Random => OrderMethod::Random,
+                OrderArg::FarthestPoint => OrderMethod::FarthestPoint,
+                OrderArg::BlueNoise => OrderMethod::BlueNoise,
+                OrderArg::Lattice => OrderMethod::Lattice,
+            },
+            seed: self.bake_seed,
+            backend: match self.peel {
+                PeelArg::Auto => PeelBackend::Auto,
+                PeelArg::Gpu => PeelBackend::Gpu,
+                PeelArg::Cpu => PeelBackend::Cpu,
+            },
+        }
+    }
+
+    /// Cache and GPU. A GPU that cannot be had is an error only if it was asked for.
+    pub fn context(&self) -> ToolResult<BakeContext> {
+        let folder = self.cache.clone().or_else(BakeCache::default_folder);
+        let cache = folder.filter(|_| !self.no_cache).map(BakeCache::new);
+        let mut context = BakeContext { cache, ..Default::default() };
+        if matches!(self.peel, PeelArg::Cpu) {
+            return Ok(context);
+        }
+        let asked = matches!(self.peel, PeelArg::Gpu);
+        match headless_device() {
+            Ok((adapter, device, queue)) => {
+                context.gpu_is_software = adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+                match GpuPeeler::new(device, queue) {
+                    Ok(peeler) => context.gpu = Some(Arc::new(peeler)),
+                    Err(error) if asked => return Err(ToolError::NoGpu(error.to_string())),
+                    Err(error) => eprintln!("peeling on the CPU: {error}"),
+                }
+            }
+            Err(error) if asked => return Err(ToolError::NoGpu(error.to_string())),
+            Err(error) => eprintln!("peeling on the CPU: {error}"),
+        }
+        Ok(context)
+    }
+}
+
+/// Bakes with a progress bar on standard error.
+pub fn bake_with_progress(path: &Path, settings: &BakeSettings, context: &BakeContext) -> ToolResult<Baked> {
+    let bar = ProgressBar::new(1000);
+    let style = ProgressStyle::with_template("{prefix:>24} {bar:30} {msg:9} {elapsed}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.set_prefix(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    let progress = |stage: BakeStage, done: f32| {
+        let (from, share) = match stage {
+            BakeStage::Loading => (0.0, 0.15),
+            BakeStage::Peeling => (0.15, 0.5),
+            BakeStage::Ordering => (0.65, 0.3),
+            BakeStage::Packing => (0.95, 0.05),
+        };
+        bar.set_message(stage.name());
+        bar.set_position(((from + share * done) * 1000.0) as u64);
+    };
+    let baked = bake_file(path, settings, context, &progress);
+    bar.finish_and_clear();
+    Ok(baked?)
+}
+
+/// Makes a folder for output.
+pub fn make_folder(path: &Path) -> ToolResult {
+    std::fs::create_dir_all(path).map_err(|error| ToolError::write(path, error))
+}
+
+/// Writes a whole file or nothing: to a temporary beside it, then renamed.
+pub fn write_file(path: &Path, bytes: &[u8]) -> ToolResult {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    make_folder(folder)?;
+    let write = || -> std::io::Result<()> {
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        std::io::Write::write_all(&mut file, bytes)?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    write().map_err(|error| ToolError::write(path, error))
+}
+
+/// Writes a PNG, whole or not at all.
+pub fn write_png(path: &Path, image: &image::RgbaImage) -> ToolResult {
+    let mut bytes = std::io::Cursor::new(vec![]);
+    image
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .map_err(|error| ToolError::write(path, error))?;
+    write_file(path, bytes.get_ref())
+}
+
+/// Parses `WxH`, both 1 to 8192.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once(['x', 'X', '×']).map(|(w, h)| (w.trim().parse(), h.trim().parse()));
+    match parts {
+        Some((Ok(w), Ok(h))) if (1..=8192).contains(&w) && (1..=8192).contains(&h) => Ok((w, h)),
+        _ => Err(format!("`{text}` is not a size; write WIDTHxHEIGHT in pixels, each 1 to 8192, such as 1280x720")),
+    }
+}

@@ -1,0 +1,117 @@
+//! A tree of a forest, and its 32-byte form. The WGSL twin of the unpacking is `shaders/lib/instance.wgsl`.
+
+use crate::gpu::types::GpuTreeInstance;
+use bevy::math::{Affine3A, Quat, Vec3};
+
+/// One tree of a [`Forest`](crate::Forest).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TreeInstance {
+    /// Of the model's origin, in the space of the forest entity.
+    pub position: Vec3,
+    /// Any rotation; usually a yaw and a little lean.
+    pub rotation: Quat,
+    /// Uniform, > 0. Default: 1.
+    pub scale: f32,
+    /// Index into the forest's species.
+    pub species: u16,
+    /// Colour factor per channel (red, green, blue), 128 = unchanged, 255 ≈ twice as bright. Default: 128.
+    pub tint: [u8; 3],
+    /// Decides where in its range this instance changes between mesh and points. Default: 0; any hash will do.
+    pub seed: u8,
+}
+
+impl Default for TreeInstance {
+    fn default() -> Self {
+        Self { position: Vec3::ZERO, rotation: Quat::IDENTITY, scale: 1.0, species: 0, tint: [128; 3], seed: 0 }
+    }
+}
+
+impl TreeInstance {
+    /// A tree at `position`, as modelled.
+    pub fn at(position: Vec3) -> Self {
+        Self { position, ..Self::default() }
+    }
+
+    /// Turned about the vertical by `yaw` radians.
+    pub fn with_yaw(self, yaw: f32) -> Self {
+        Self { rotation: Quat::from_rotation_y(yaw), ..self }
+    }
+
+    /// Scaled uniformly.
+    pub fn with_scale(self, scale: f32) -> Self {
+        Self { scale, ..self }
+    }
+
+    /// Of another species of the forest.
+    pub fn with_species(self, species: u16) -> Self {
+        Self { species, ..self }
+    }
+
+    /// Packs into 32 bytes.
+    pub fn pack(&self) -> GpuTreeInstance {
+        let q = self.rotation.normalize();
+        let snorm = |v: f32| u32::from((v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
+        let [r, g, b] = self.tint.map(u32::from);
+        GpuTreeInstance {
+            position: self.position.to_array(),
+            scale: self.scale,
+            rotation: [snorm(q.x) | snorm(q.y) << 16, snorm(q.z) | snorm(q.w) << 16],
+            tint: r | g << 8 | b << 16 | 255 << 24,
+            species_seed_flags: u32::from(self.species) | u32::from(self.seed) << 16,
+        }
+    }
+
+    /// The inverse of [`TreeInstance::pack`], up to rounding of the rotation.
+    pub fn unpack(packed: &GpuTreeInstance) -> Self {
+        let snorm = |v: u32| f32::from(v as u16 as i16) / 32767.0;
+        let [a, b] = packed.rotation;
+        Self {
+            position: Vec3::from_array(packed.position),
+            rotation: Quat::from_xyzw(snorm(a), snorm(a >> 16), snorm(b), snorm(b >> 16)).normalize(),
+            scale: packed.scale,
+            species: packed.species_seed_flags as u16,
+            tint: [packed.tint as u8, (packed.tint >> 8) as u8, (packed.tint >> 16) as u8],
+            seed: (packed.species_seed_flags >> 16) as u8,
+        }
+    }
+
+    /// This tree seen from the world, where the forest's entity stands at `world_from_forest`. Scales that differ by
+    /// axis become their mean: points have one scale.
+    pub fn in_world(&self, world_from_forest: &Affine3A) -> Self {
+        let (scale, rotation, _) = world_from_forest.to_scale_rotation_translation();
+        Self {
+            position: world_from_forest.transform_point3(self.position),
+            rotation: rotation * self.rotation,
+            scale: self.scale * scale.abs().element_sum() / 3.0,
+            ..*self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn an_instance_survives_packing(x in -1e4f32..1e4, yaw in -3.0f32..3.0, lean in -0.2f32..0.2, scale in 0.01f32..50.0, species: u16, seed: u8, r: u8) {
+            let tree = TreeInstance {
+                position: Vec3::new(x, -x, 3.0),
+                rotation: Quat::from_rotation_x(lean) * Quat::from_rotation_y(yaw),
+                scale,
+                species,
+                tint: [r, 128, 7],
+                seed,
+            };
+            let back = TreeInstance::unpack(&tree.pack());
+            prop_assert_eq!((back.position, back.scale, back.species, back.tint, back.seed), (tree.position, scale, species, tree.tint, seed));
+            prop_assert!(back.rotation.angle_between(tree.rotation) < 1e-3);
+        }
+    }
+
+    #[test]
+    fn an_instance_takes_thirty_two_bytes() {
+        assert_eq!(size_of::<GpuTreeInstance>(), 32);
+    }
+}

@@ -1,0 +1,60 @@
+//! L2: what a game says: components, settings, and the systems of the main world that serve them.
+
+mod components;
+mod forest_index;
+mod instance;
+mod lod_state;
+mod near_mesh;
+mod select;
+mod settings;
+
+pub use components::{Forest, LodState, TreeImpostor};
+pub use instance::TreeInstance;
+pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
+pub use select::{Selection, ViewPoint, select_instance};
+pub(crate) use lod_state::impostor_instance;
+pub use settings::{SplatPath, SplatShape, TreelineSettings};
+
+use crate::asset::{NearMesh, TreeAsset};
+use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};
+
+/// Order of this crate's work in the main world, in `PostUpdate`.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TreelineSystems {
+    /// Near meshes are placed: before transforms propagate.
+    NearMeshes,
+    /// [`LodState`] is written: after transforms propagated.
+    LodState,
+}
+
+/// Components, near-mesh pool and level-of-detail state. Part of `TreelinePlugin`.
+pub(crate) struct ForestPlugin;
+
+impl Plugin for ForestPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<TreeAsset>()
+            .init_asset::<NearMesh>()
+            .init_resource::<NearMeshes>()
+            .register_type::<TreeImpostor>()
+            .register_type::<LodState>()
+            .register_type::<TreelineSettings>()
+            .configure_sets(
+                PostUpdate,
+                (
+                    TreelineSystems::NearMeshes
+                        .before(TransformSystems::Propagate)
+                        .before(VisibilitySystems::CalculateBounds),
+                    TreelineSystems::LodState.after(TransformSystems::Propagate),
+                ),
+            )
+            .add_systems(
+                PostUpdate,
+                (
+                    (forest_index::index_forests, near_mesh::update_near_meshes)
+                        .chain()
+                        .in_set(TreelineSystems::NearMeshes),
+                    lod_state::update_lod_state.in_set(TreelineSystems::LodState),
+                ),
+            );
+    }
+}

@@ -1,0 +1,193 @@
+//! CPU twin of selection (`shaders/select/`): the same functions in the same order, over plain data.
+
+use super::{instance::TreeInstance, settings::TreelineSettings};
+use crate::{
+    asset::{TreeAsset, TreeData},
+    gpu::types::{GpuInstanceDraw, GpuWorkItem, INSTANCE_HAS_MESH, POINTS_PER_ITEM},
+    lod::{
+        fade::{FadeBand, fade_band, fade_state},
+        prefix_count::{d0, prefix_count, round_count, z0},
+        splat_size::disc_radius,
+    },
+    math::hash::unit_from_bits,
+};
+use bevy::math::{Mat4, Vec3};
+
+/// What selection knows of a view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewPoint {
+    /// Eye, world space.
+    pub position: Vec3,
+    /// Pixels per world unit at distance 1.
+    pub z0: f32,
+    /// Parallel projection: the scale is the same everywhere and no meshes are drawn.
+    pub orthographic: bool,
+}
+
+impl ViewPoint {
+    /// From a camera's projection and viewport height in pixels.
+    pub fn new(position: Vec3, clip_from_view: &Mat4, height_px: f32) -> Self {
+        Self {
+            position,
+            z0: z0(height_px, clip_from_view.y_axis.y),
+            orthographic: clip_from_view.w_axis.w == 1.0,
+        }
+    }
+}
+
+/// The part of a baked tree that selection reads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeciesShape {
+    /// Centre of the model's box.
+    pub center: Vec3,
+    /// `N0`.
+    pub point_count: u32,
+    /// `s`.
+    pub pixel: f32,
+    /// `A`.
+    pub surface_area: f32,
+    /// `L`.
+    pub mean_leaf_area: f32,
+}
+
+impl From<&TreeData> for SpeciesShape {
+    fn from(tree: &TreeData) -> Self {
+        Self {
+            center: tree.bounds.center(),
+            point_count: tree.point_count() as u32,
+            pixel: tree.pixel,
+            surface_area: tree.surface_area,
+            mean_leaf_area: tree.mean_leaf_area,
+        }
+    }
+}
+
+impl TreeAsset {
+    /// The part that selection reads.
+    pub(crate) fn shape(&self) -> SpeciesShape {
+        SpeciesShape::from(&*self.data)
+    }
+}
+
+/// What is drawn of an instance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Selection {
+    /// From the eye to the middle of the tree.
+    pub distance: f32,
+    /// The instance's crossfade band.
+    pub band: FadeBand,
+    /// Coverage of the mesh, 0 without one.
+    pub mesh: f32,
+    /// Points: length of the prefix and splat radius.
+    pub draw: GpuInstanceDraw,
+}
+
+/// Decides what is drawn of an instance at `index` of the instance buffer, apart from culling. Twin of
+/// `select_instance` in `cull_instances.wgsl`.
+pub fn select_instance(
+    view: &ViewPoint,
+    settings: &TreelineSettings,
+    shape: &SpeciesShape,
+    instance: &TreeInstance,
+    index: u32,
+    has_mesh: bool,
+) -> Selection {
+    let center = instance.position + instance.rotation * (shape.center * instance.scale);
+    let d = if view.orthographic { 1.0 } else { center.distance(view.position) };
+    let s = shape.pixel * instance.scale;
+    let n = prefix_count(shape.point_count as f32, s, view.z0, d, settings.quality);
+    let hash = unit_from_bits(u32::from(instance.seed));
+    let band =
+        fade_band(d0(s, view.z0), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
+    let mut wanted = n;
+    let mut mesh = 0.0;
+    if has_mesh && !view.orthographic {
+        let state = fade_state(band, d);
+        mesh = state.mesh;
+        wanted *= state.points;
+        if state.points <= 0.0 {
+            return Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count: 0, radius: 0.0 } };
+        }
+    }
+    let count = round_count(wanted, unit_from_bits(index ^ 0x51ed_270b)).min(shape.point_count);
+    let scale2 = instance.scale * instance.scale;
+    let radius = if count == 0 {
+        0.0
+    } else {
+        disc_radius(shape.surface_area * scale2, n, shape.mean_leaf_area * scale2, settings.overlap_gain)
+    };
+    Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count, radius } }
+}
+
+/// Work items of the draws, in the order of instances and points, cut at `capacity`; and how many did not fit. Twin
+/// of `scan_blocks` and `emit_items`.
+pub fn emit_items(
+    draws: &[GpuInstanceDraw],
+    first_point_of: impl Fn(usize) -> u32,
+    capacity: usize,
+) -> (Vec<GpuWorkItem>, usize) {
+    let mut items = vec![];
+    let mut overflow = 0;
+    for (index, draw) in draws.iter().enumerate() {
+        let mut first = 0;
+        while first < draw.count {
+            if items.len() < capacity {
+                items.push(GpuWorkItem {
+                    instance: index as u32,
+                    first_point: first_point_of(index) + first,
+                    count: (draw.count - first).min(POINTS_PER_ITEM),
+                    radius: draw.radius,
+                });
+            } else {
+                overflow += 1;
+            }
+            first += POINTS_PER_ITEM;
+        }
+    }
+    (items, overflow)
+}
+
+/// Whether the packed flags of an instance say that its near mesh is in the scene.
+pub fn has_mesh(species_seed_flags: u32) -> bool {
+    species_seed_flags & INSTANCE_HAS_MESH != 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shape() -> SpeciesShape {
+        SpeciesShape { center: Vec3::Y * 5.0, point_count: 100_000, pixel: 0.02, surface_area: 60.0, mean_leaf_area: 0.006 }
+    }
+
+    #[test]
+    fn points_cover_the_same_area_at_every_distance() {
+        let settings = TreelineSettings { overlap_gain: 0.0, ..Default::default() };
+        let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
+        for d in [30.0, 60.0, 120.0, 500.0, 1500.0] {
+            let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -d)).with_scale(1.0);
+            let draw = select_instance(&view, &settings, &shape(), &tree, 3, false).draw;
+            let area = draw.count as f32 * draw.radius * draw.radius * std::f32::consts::PI;
+            assert!((area / 60.0 - 1.0).abs() < 0.05, "{area} m² at {d} m");
+        }
+    }
+
+    #[test]
+    fn without_a_mesh_points_stay_however_near() {
+        let settings = TreelineSettings::default();
+        let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
+        let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -3.0));
+        assert_eq!(select_instance(&view, &settings, &shape(), &tree, 0, false).draw.count, 100_000);
+        let near = select_instance(&view, &settings, &shape(), &tree, 0, true);
+        assert_eq!((near.draw.count, near.mesh), (0, 1.0));
+    }
+
+    #[test]
+    fn items_are_in_order_and_overflow_is_counted() {
+        let draw = |count| GpuInstanceDraw { count, radius: 1.0 };
+        let (items, overflow) = emit_items(&[draw(70), draw(0), draw(128)], |i| i as u32 * 1000, 3);
+        let short: Vec<_> = items.iter().map(|i| (i.instance, i.first_point, i.count)).collect();
+        assert_eq!(short, [(0, 0, 64), (0, 64, 6), (2, 2000, 64)]);
+        assert_eq!(overflow, 1);
+    }
+}

@@ -1,0 +1,101 @@
+//! Settings of a camera and of the plugin.
+
+use bevy::{prelude::*, render::extract_component::ExtractComponent};
+
+/// Shape of a splat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+pub enum SplatShape {
+    /// Discs that lie in the surface, of the area each point stands for.
+    #[default]
+    Discs,
+    /// Screen-aligned squares of the same area, for comparison: they thin and fatten crowns.
+    Squares,
+}
+
+/// Which kernels draw the points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+pub enum SplatPath {
+    /// 64-bit atomics where the device has them, else two passes of 32 bits.
+    #[default]
+    Auto,
+    /// One pass of 64-bit `atomicMax`. Draws nothing, with an error, where they are missing.
+    U64,
+    /// Two passes of 32-bit `atomicMax`: the same picture at 1.3 to 1.9 times the splatting cost.
+    U32,
+}
+
+/// How a camera draws trees. Every `Camera3d` draws them with the defaults; add this component to change that.
+#[derive(Component, Clone, Debug, PartialEq, Reflect, ExtractComponent)]
+#[reflect(Component, Default)]
+pub struct TreelineSettings {
+    /// Draw trees at all. Default: true.
+    pub enabled: bool,
+    /// `q`: points per pixel that the surface of a tree would cover, 0.05 to 16. Points cost in proportion; error
+    /// falls. 1 is the paper. Default: 1.5 (measured, see `docs/results.md`).
+    pub quality: f32,
+    /// Trees nearer than this are meshes even where the paper's `d0` is less, metres. Default: 15.
+    pub min_mesh_distance: f32,
+    /// Width of the band in which mesh and points change, as a share of its distance, 0 to 0.9. Default: 0.25.
+    pub fade_width: f32,
+    /// How much the distance of that band differs between instances, as a share, 0 to 0.9. Default: 0.15.
+    pub fade_jitter: f32,
+    /// Overlap of the discs of a leaf, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.5.
+    pub overlap_gain: f32,
+    /// Shape of the splats. Default: discs.
+    pub splat_shape: SplatShape,
+    /// Points per frame at most, in millions; 64 points are a work item, and items that do not fit are counted and
+    /// reported. 16 bytes of GPU memory for each 64 points. Default: 16.
+    pub point_capacity_millions: f32,
+}
+
+impl Default for TreelineSettings {
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            quality: 1.5,
+            min_mesh_distance: 15.0,
+            fade_width: 0.25,
+            fade_jitter: 0.15,
+            overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
+            splat_shape: SplatShape::Discs,
+            point_capacity_millions: 16.0,
+        }
+    }
+}
+
+impl TreelineSettings {
+    /// These settings with every value moved into its range, and what was moved, for a warning.
+    pub fn clamped(&self) -> (Self, Vec<&'static str>) {
+        let mut out = self.clone();
+        let mut moved = vec![];
+        let mut clamp = |value: &mut f32, low: f32, high: f32, default: f32, name| {
+            let inside = if value.is_nan() { default } else { value.clamp(low, high) };
+            if inside != *value {
+                *value = inside;
+                moved.push(name);
+            }
+        };
+        clamp(&mut out.quality, 0.05, 16.0, 1.5, "quality");
+        clamp(&mut out.min_mesh_distance, 0.0, 1e6, 15.0, "min_mesh_distance");
+        clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
+        clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
+        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.5, "overlap_gain");
+        clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
+        (out, moved)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_moved_and_named() {
+        let (same, moved) = TreelineSettings::default().clamped();
+        assert_eq!((same, moved.len()), (TreelineSettings::default(), 0));
+        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, ..default() };
+        let (good, moved) = bad.clamped();
+        assert_eq!((good.quality, good.fade_width), (1.5, 0.9));
+        assert_eq!(moved, ["quality", "fade_width"]);
+    }
+}

@@ -1,0 +1,138 @@
+//! Rust mirrors of `shaders/lib/types.wgsl`. `tests/shader_layout.rs` compares them field by field.
+
+use crate::gpu::mirror::gpu_types;
+
+/// [`GpuTreeInstance`] flag: a near mesh of this instance is in the scene, so points may fade out.
+pub const INSTANCE_HAS_MESH: u32 = 1 << 24;
+/// Species index of an instance whose species is not resident: it is not drawn.
+pub const SPECIES_NOT_RESIDENT: u32 = 0xffff;
+/// Points of a work item at most: one workgroup of the splat pass.
+pub const POINTS_PER_ITEM: u32 = 64;
+/// Threads of a selection workgroup.
+pub const SELECT_WORKGROUP: u32 = 256;
+/// Side of the square of pixels that resolve draws as one quad.
+pub const RESOLVE_BLOCK: u32 = 16;
+
+gpu_types! {
+    /// A baked tree in the surfel pool.
+    pub struct GpuSpecies as "Species" {
+        /// Smallest corner of the model's box.
+        pub lo: [f32; 3],
+        /// Index of its first surfel in the pool.
+        pub first_point: u32,
+        /// Extent of the model's box.
+        pub extent: [f32; 3],
+        /// `N0`.
+        pub point_count: u32,
+        /// Centre of the box: distances are measured to it.
+        pub center: [f32; 3],
+        /// Radius of the sphere around the box.
+        pub radius: f32,
+        /// `s`: side of an LDI pixel.
+        pub pixel: f32,
+        /// `A`.
+        pub surface_area: f32,
+        /// `L`, 0 without leaves.
+        pub mean_leaf_area: f32,
+        pub pad: u32,
+    }
+
+    /// One tree: 32 bytes.
+    pub struct GpuTreeInstance as "TreeInstance" {
+        /// World space.
+        pub position: [f32; 3],
+        /// Uniform, > 0.
+        pub scale: f32,
+        /// Unit quaternion x, y, z, w as 4 × snorm16.
+        pub rotation: [u32; 2],
+        /// Colour factor per channel, 128 = 1.
+        pub tint: u32,
+        /// Species (16 bits) | seed (8 bits) << 16 | flags << 24.
+        pub species_seed_flags: u32,
+    }
+
+    /// What selection decided for an instance.
+    pub struct GpuInstanceDraw as "InstanceDraw" {
+        /// Points to draw: the length of the prefix.
+        pub count: u32,
+        /// Splat radius in world units.
+        pub radius: f32,
+    }
+
+    /// Up to 64 consecutive points of one instance.
+    pub struct GpuWorkItem as "WorkItem" {
+        /// Index of the instance.
+        pub instance: u32,
+        /// First point, in the pool.
+        pub first_point: u32,
+        /// Points, 1 to 64.
+        pub count: u32,
+        /// Splat radius in world units.
+        pub radius: f32,
+    }
+
+    /// Per view and frame.
+    pub struct GpuSelectSettings as "SelectSettings" {
+        /// Viewport in pixels.
+        pub size: [u32; 2],
+        /// Its upper left corner in the target.
+        pub origin: [u32; 2],
+        /// Instances in the buffer.
+        pub instance_count: u32,
+        /// Work items that fit.
+        pub item_capacity: u32,
+        /// Pixels per world unit at distance 1.
+        pub z0: f32,
+        /// `q`.
+        pub quality: f32,
+        /// Least distance up to which meshes are drawn.
+        pub min_mesh_distance: f32,
+        /// Width of the crossfade band.
+        pub fade_width: f32,
+        /// Spread of the switch distance.
+        pub fade_jitter: f32,
+        /// Gain of the area rule.
+        pub overlap_gain: f32,
+        /// 1 for an orthographic projection.
+        pub orthographic: u32,
+        /// 0 = oriented discs, 1 = squares.
+        pub splat_shape: u32,
+        /// 1 if the depth prepass of this view may be read.
+        pub has_prepass: u32,
+        pub pad: u32,
+    }
+
+    /// What happened, per view and frame.
+    pub struct GpuCounters as "Counters" {
+        /// Instances with a resident species.
+        pub instances_seen: u32,
+        /// Outside the frustum.
+        pub culled_frustum: u32,
+        /// Deserving no point at their distance.
+        pub culled_small: u32,
+        /// Drawn by their mesh alone.
+        pub as_mesh: u32,
+        /// In the crossfade band.
+        pub in_fade: u32,
+        /// Points given to work items that fitted.
+        pub points: u32,
+        /// Work items that fitted.
+        pub items: u32,
+        /// Work items that did not fit.
+        pub item_overflow: u32,
+        /// 16×16 blocks with any point.
+        pub covered_blocks: u32,
+        /// Pixels that show a point.
+        pub covered_pixels: u32,
+        pub pad: [u32; 2],
+    }
+
+    /// Arguments of the indirect commands, one buffer a view.
+    pub struct GpuIndirectArgs as "IndirectArgs" {
+        /// Splat: workgroups x, y, z.
+        pub splat: [u32; 3],
+        pub pad0: u32,
+        /// Resolve: vertices, instances, first vertex, first instance.
+        pub resolve: [u32; 4],
+    }
+}

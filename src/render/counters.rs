@@ -1,0 +1,139 @@
+//! Counters of each view, back from the GPU a frame or more later.
+
+use super::view::{ViewTrees, Views};
+use crate::gpu::{readback::ReadbackRing, types::GpuCounters};
+use bevy::{
+    prelude::*,
+    render::{
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+        sync_world::MainEntity,
+    },
+};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex},
+};
+
+/// What one camera's view drew in the newest frame that has come back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ViewCounters {
+    /// Frames counted since the start; tells a new value from an old one.
+    pub frame: u64,
+    /// Trees whose species is loaded.
+    pub instances_seen: u32,
+    /// Of these, outside the frustum.
+    pub culled_frustum: u32,
+    /// Of these, deserving no point.
+    pub culled_small: u32,
+    /// Of these, drawn by their mesh alone.
+    pub as_mesh: u32,
+    /// Of these, in the crossfade band.
+    pub in_fade: u32,
+    /// Points splatted.
+    pub points: u32,
+    /// Work items.
+    pub items: u32,
+    /// Work items that did not fit (see `TreelineSettings::point_capacity_millions`); their points are missing.
+    pub item_overflow: u32,
+    /// 16×16 blocks of pixels resolved.
+    pub covered_blocks: u32,
+    /// Pixels that show a point.
+    pub covered_pixels: u32,
+}
+
+impl ViewCounters {
+    /// Bytes that selection, splat and resolve read of instances, items and surfels: the traffic of the technique.
+    /// Hot halves once per point, cold halves and items once per covered pixel, instances once.
+    pub fn bytes_read(&self) -> u64 {
+        let (points, items, pixels) =
+            (u64::from(self.points), u64::from(self.items), u64::from(self.covered_pixels));
+        u64::from(self.instances_seen) * 32 + items * 16 + points * 8 + pixels * (16 + 16 + 32 + 8)
+    }
+}
+
+/// Counters by camera entity. A resource of both worlds; clones share the values.
+#[derive(Resource, Clone, Default)]
+pub struct TreelineCounters {
+    views: Arc<Mutex<BTreeMap<Entity, ViewCounters>>>,
+}
+
+impl TreelineCounters {
+    /// The newest counters of a camera, once a frame has come back.
+    pub fn of(&self, camera: Entity) -> Option<ViewCounters> {
+        self.all().get(&camera).copied()
+    }
+
+    /// The newest counters of every camera, by entity.
+    pub fn all(&self) -> BTreeMap<Entity, ViewCounters> {
+        self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
+    }
+
+    fn set(&self, camera: Entity, counters: ViewCounters) {
+        self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).insert(camera, counters);
+    }
+}
+
+/// Staging of the counters.
+#[derive(Resource)]
+pub(super) struct CounterReadback {
+    ring: Mutex<ReadbackRing<(Entity, u64)>>,
+    frame: u64,
+    overflow_reported: bool,
+}
+
+impl FromWorld for CounterReadback {
+    fn from_world(_: &mut World) -> Self {
+        let ring = ReadbackRing::new(size_of::<GpuCounters>() as u64).into();
+        Self { ring, frame: 0, overflow_reported: false }
+    }
+}
+
+/// Records the copy of a view's counters, after everything that counts.
+pub(super) fn copy_counters(
+    view: ViewQuery<(&ViewTrees, &MainEntity)>,
+    views: Res<Views>,
+    readback: Res<CounterReadback>,
+    device: Res<RenderDevice>,
+    mut ctx: RenderContext,
+) {
+    let (trees, main_entity) = view.into_inner();
+    let Some(buffers) = views.get(trees) else { return };
+    let mut ring = readback.ring.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    ring.copy(&device, ctx.command_encoder(), &buffers.counters, (main_entity.id(), readback.frame));
+}
+
+/// Asks for this frame's counters and publishes those that have arrived.
+pub(super) fn map_counters(mut readback: ResMut<CounterReadback>, counters: Res<TreelineCounters>) {
+    let CounterReadback { ring, frame, overflow_reported } = &mut *readback;
+    *frame += 1;
+    let ring = ring.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner());
+    ring.map_recorded();
+    ring.drain(|(camera, frame), bytes| {
+        let Ok(c) = bytemuck::try_from_bytes::<GpuCounters>(bytes) else { return };
+        if c.item_overflow > 0 && !*overflow_reported {
+            *overflow_reported = true;
+            warn!(
+                "{} of {} work items did not fit and their points are missing: raise \
+                 `TreelineSettings::point_capacity_millions` or lower `quality`",
+                c.item_overflow,
+                c.items + c.item_overflow
+            );
+        }
+        counters.set(
+            camera,
+            ViewCounters {
+                frame,
+                instances_seen: c.instances_seen,
+                culled_frustum: c.culled_frustum,
+                culled_small: c.culled_small,
+                as_mesh: c.as_mesh,
+                in_fade: c.in_fade,
+                points: c.points,
+                items: c.items,
+                item_overflow: c.item_overflow,
+                covered_blocks: c.covered_blocks,
+                covered_pixels: c.covered_pixels,
+            },
+        );
+    });
+}

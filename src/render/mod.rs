@@ -1,0 +1,119 @@
+//! L3: the render world. extract → residency → view → select → splat → resolve; counters flow back.
+//!
+//! Each stage sees only the stages before it.
+
+mod counters;
+mod extract;
+mod residency;
+mod resolve;
+mod select;
+mod splat;
+mod view;
+
+pub use counters::{TreelineCounters, ViewCounters};
+pub use splat::SplatSupport;
+
+use crate::forest::{SplatPath, TreelineSettings};
+use bevy::{
+    core_pipeline::{
+        Core3d, Core3dSystems, core_3d::main_opaque_pass_3d, deferred::node::late_deferred_prepass,
+    },
+    pbr::{MeshPipelineSystems, deferred::deferred_lighting},
+    prelude::*,
+    render::{
+        ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
+        extract_component::ExtractComponentPlugin,
+        render_resource::{CachedPipelineState, Pipeline, PipelineCache, SpecializedRenderPipelines},
+    },
+};
+
+/// Draws what the main world holds. Part of `TreelinePlugin`; does nothing without a renderer.
+pub(crate) struct TreelineRenderPlugin {
+    /// Kernels asked for.
+    pub splat_path: SplatPath,
+}
+
+impl Plugin for TreelineRenderPlugin {
+    fn build(&self, app: &mut App) {
+        let counters = TreelineCounters::default();
+        app.insert_resource(counters.clone())
+            .add_plugins(ExtractComponentPlugin::<TreelineSettings>::default());
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        render_app
+            .insert_resource(counters)
+            .insert_resource(splat::RequestedSplatPath(self.splat_path))
+            .init_resource::<extract::ExtractedTrees>()
+            .init_gpu_resource::<residency::SurfelPool>()
+            .init_gpu_resource::<residency::InstancePool>()
+            .init_gpu_resource::<view::Views>()
+            .init_gpu_resource::<counters::CounterReadback>()
+            .init_gpu_resource::<SpecializedRenderPipelines<resolve::ResolvePipeline>>()
+            .add_systems(
+                RenderStartup,
+                (
+                    select::init_select_pipelines,
+                    splat::init_splat_pipelines,
+                    resolve::init_resolve_pipelines.after(MeshPipelineSystems),
+                ),
+            )
+            .add_systems(ExtractSchedule, extract::extract_trees)
+            .add_systems(
+                Render,
+                (
+                    resolve::specialize_resolve.in_set(RenderSystems::Queue),
+                    (residency::prepare_surfels, residency::prepare_instances, view::prepare_views)
+                        .chain()
+                        .in_set(RenderSystems::PrepareResources),
+                    (
+                        select::prepare_select_groups,
+                        splat::prepare_splat_groups,
+                        resolve::prepare_resolve_groups,
+                    )
+                        .in_set(RenderSystems::PrepareBindGroups),
+                    counters::map_counters.in_set(RenderSystems::Cleanup),
+                ),
+            )
+            .add_systems(
+                Core3d,
+                (
+                    (select::select, splat::splat, resolve::classify, counters::copy_counters)
+                        .chain()
+                        .after(late_deferred_prepass)
+                        .before(Core3dSystems::MainPass),
+                    // Before the opaque pass, so that terrain behind trees is never shaded.
+                    resolve::resolve
+                        .after(deferred_lighting)
+                        .before(main_opaque_pass_3d)
+                        .in_set(Core3dSystems::MainPass),
+                ),
+            );
+    }
+}
+
+/// Whether every pipeline of this crate has compiled: the number that are ready, and what is wrong with the others
+/// (empty if they are still compiling). For tests and `treeline doctor`; `render_world` is that of [`RenderApp`].
+pub fn pipeline_states(render_world: &World) -> (usize, Vec<String>) {
+    let Some(cache) = render_world.get_resource::<PipelineCache>() else {
+        return (0, vec!["there is no renderer".into()]);
+    };
+    let mut ready = 0;
+    let mut problems = vec![];
+    for pipeline in cache.pipelines() {
+        let label = match &pipeline.descriptor {
+            bevy::render::render_resource::PipelineDescriptor::RenderPipelineDescriptor(d) => d.label.clone(),
+            bevy::render::render_resource::PipelineDescriptor::ComputePipelineDescriptor(d) => d.label.clone(),
+        };
+        let label = label.unwrap_or_default();
+        if !label.starts_with("treeline_") {
+            continue;
+        }
+        match &pipeline.state {
+            CachedPipelineState::Ok(Pipeline::ComputePipeline(_) | Pipeline::RenderPipeline(_)) => ready += 1,
+            CachedPipelineState::Err(error) => problems.push(format!("{label}: {error}")),
+            CachedPipelineState::Queued | CachedPipelineState::Creating(_) => {
+                problems.push(format!("{label}: not ready (a missing shader import stays here for ever)"));
+            }
+        }
+    }
+    (ready, problems)
+}
