@@ -1,0 +1,71 @@
+//! Every shader of the crate: the only file with `.wgsl` paths.
+//!
+//! In: the files below `shaders/`, compiled in; out: constants with their asset paths, `embedded://` assets, and the
+//! importable modules kept loaded. Cost: one copy of the sources in the binary.
+
+use bevy::{
+    app::App,
+    asset::{AssetServer, Handle, io::embedded::EmbeddedAssetRegistry},
+    ecs::resource::Resource,
+    shader::Shader,
+};
+use std::path::{Path, PathBuf};
+
+macro_rules! shader_files {
+    ($($(#[$meta:meta])* $name:ident = $path:literal),* $(,)?) => {
+        $(
+            $(#[$meta])*
+            pub const $name: &str = concat!("embedded://", env!("CARGO_PKG_NAME"), "/shaders/", $path);
+        )*
+        /// Path below `shaders/` and source of every file.
+        pub const ALL: &[(&str, &str)] = &[$(($path, include_str!(concat!("../shaders/", $path)))),*];
+    };
+}
+
+shader_files! {
+    /// Structs shared with Rust.
+    TYPES = "lib/types.wgsl",
+    /// Twin of `math::octahedral`.
+    OCTAHEDRAL = "lib/octahedral.wgsl",
+    /// Twin of `math::hash`.
+    HASH = "lib/hash.wgsl",
+    /// Twin of `asset::surfel`.
+    SURFEL = "lib/surfel.wgsl",
+}
+
+/// The importable modules. A handle each, because an import resolves only while its module is loaded.
+#[derive(Resource, Debug)]
+pub struct ShaderLibraries(pub Vec<Handle<Shader>>);
+
+/// True for sources that others import (`#define_import_path`) rather than run.
+fn is_library(source: &str) -> bool {
+    source.lines().any(|line| line.trim_start().starts_with("#define_import_path"))
+}
+
+/// Registers every shader under its `embedded://` path. Needs `AssetPlugin`; without it, nothing happens.
+pub fn embed(app: &mut App) {
+    let Some(registry) = app.world_mut().get_resource_mut::<EmbeddedAssetRegistry>() else {
+        return;
+    };
+    for (path, source) in ALL {
+        registry.insert_asset(
+            // Only read by Bevy's `embedded_watcher` feature, for hot reloading.
+            PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders")).join(path),
+            &Path::new(concat!(env!("CARGO_PKG_NAME"), "/shaders")).join(path),
+            source.as_bytes(),
+        );
+    }
+}
+
+/// Loads every importable module and keeps it, so that `#import bevy_treeline::..` resolves. Call after [`embed`], once
+/// the `Shader` asset exists (`RenderPlugin` adds it); without an asset server, nothing happens.
+///
+/// A pipeline whose import is not loaded waits without a word: this is what Bevy's `load_shader_library!` is for, which
+/// cannot be used here since it takes paths below `src/` only.
+pub fn load_libraries(app: &mut App) {
+    let Some(server) = app.world().get_resource::<AssetServer>() else { return };
+    let prefix = concat!("embedded://", env!("CARGO_PKG_NAME"), "/shaders/");
+    let libraries = ALL.iter().filter(|(_, source)| is_library(source));
+    let handles = libraries.map(|(path, _)| server.load(format!("{prefix}{path}"))).collect();
+    app.insert_resource(ShaderLibraries(handles));
+}
