@@ -25,6 +25,10 @@ pub use forest::{
 pub use plugin::TreelinePlugin;
 pub use render::{TreelineCounters, ViewCounters};
 
+/// Every struct that Rust and WGSL share, for `tests/shader_layout.rs`.
+#[doc(hidden)]
+pub const MIRRORS: &[&[gpu::mirror::Mirror]] = &[asset::SURFEL_MIRRORS, gpu::types::MIRRORS];
+
 /// What most apps name.
 pub mod prelude {
     pub use crate::{

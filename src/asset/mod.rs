@@ -12,5 +12,7 @@ pub use cache::{BakeCache, CacheKey, CacheLocation};
 pub use file::{FileError, read_treeline, write_treeline};
 pub use format::FormatError;
 pub use surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot};
+#[doc(hidden)]
+pub use surfel::MIRRORS as SURFEL_MIRRORS;
 pub use tree_asset::{NearMesh, NearMeshPiece, TreeAsset};
 pub use tree_data::{BakeSeconds, BakeStatistics, SourceReference, TreeData};

@@ -4,9 +4,9 @@
 //! (8 + 7 bits), one-sided bit. Cold (`u32 × 2`, read once per covered pixel by resolve): shading normal 2×u8,
 //! albedo 3×u8 (sRGB), flags and roughness, ambient visibility, group. The WGSL twin is `shaders/lib/surfel.wgsl`.
 
+use crate::gpu::mirror::gpu_types;
 use crate::math::{bounding::Aabb, octahedral, quantize};
 use bevy::math::Vec3;
-use bytemuck::{Pod, Zeroable};
 
 /// The point belongs to a leaf (else wood, ground, anything).
 pub const SURFEL_LEAF: u8 = 1;
@@ -36,24 +36,24 @@ pub struct Surfel {
     pub group: u8,
 }
 
-/// The half read by the splat pass.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-pub struct SurfelHot {
-    /// x | y << 16, in 1/65535ths of the box.
-    pub position_xy: u32,
-    /// z | octahedral x (8 bits) << 16 | octahedral y (7 bits) << 24 | one-sided << 31.
-    pub position_z_face: u32,
-}
+gpu_types! {
+    /// The half read by the splat pass.
+    #[derive(PartialEq, Eq)]
+    pub struct SurfelHot as "SurfelHot" {
+        /// x | y << 16, in 1/65535ths of the box.
+        pub position_xy: u32,
+        /// z | octahedral x (8 bits) << 16 | octahedral y (7 bits) << 24 | one-sided << 31.
+        pub position_z_face: u32,
+    }
 
-/// The half read by the resolve pass.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-pub struct SurfelCold {
-    /// Octahedral shading normal 2×u8 | albedo r << 16 | albedo g << 24.
-    pub normal_albedo_rg: u32,
-    /// Albedo b | (flags | roughness << 4) << 8 | ambient visibility << 16 | group << 24.
-    pub albedo_b_misc: u32,
+    /// The half read by the resolve pass.
+    #[derive(PartialEq, Eq)]
+    pub struct SurfelCold as "SurfelCold" {
+        /// Octahedral shading normal 2×u8 | albedo r << 16 | albedo g << 24.
+        pub normal_albedo_rg: u32,
+        /// Albedo b | (flags | roughness << 4) << 8 | ambient visibility << 16 | group << 24.
+        pub albedo_b_misc: u32,
+    }
 }
 
 impl Surfel {

@@ -2,5 +2,6 @@
 
 pub mod bounding;
 pub mod hash;
+pub mod image_error;
 pub mod octahedral;
 pub mod quantize;
