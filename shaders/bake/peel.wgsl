@@ -5,8 +5,8 @@
 //
 // The paper's two depth buffers are two textures used in turn: the fixed-function test (LESS) keeps the nearest
 // fragment, and the comparison with `previous_depth` below rejects the layers already peeled. Both see the same
-// number, because the depth is computed here and written as `frag_depth`: per triangle from one plane, so it does not
-// depend on how an adapter interpolates, nor on the tile. Corners are snapped to 1/256 pixel for the same reason.
+// number, because the depth is computed here and written as `frag_depth`. Everything is interpolated here, from corners
+// snapped to 1/256 pixel, so that neither the adapter's arithmetic nor the tile changes the result.
 
 struct PeelView {
     right: vec3f,
@@ -21,12 +21,12 @@ struct PeelView {
     tile_width: u32,
     // LDI pixel of the tile's first pixel.
     tile_origin: vec2f,
-    // Size of the render target: powers of two, so that the way to clip space and back is exact.
-    canvas: vec2f,
+    // Part of the LDI that clip space spans: all of it, so that tiles clip nothing. Sides are powers of two, so that the
+    // way to clip space and back is exact.
+    clip_origin: vec2f,
+    clip_size: vec2f,
     tile_height: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    pad: u32,
 }
 
 struct PeelDraw {
@@ -55,16 +55,15 @@ const DEPTH_MARGIN: f32 = 1.0 / 1024.0;
 // Normal too short to have a direction; the face normal is used instead.
 const NO_NORMAL: u32 = 0xffffffffu;
 
+// All of it per triangle; what a pixel gets is interpolated below.
 struct PeelVarying {
     @builtin(position) clip: vec4f,
-    @location(0) normal: vec3f,
-    @location(1) uv: vec2f,
-    @location(2) color: vec4f,
-    @location(3) @interpolate(flat) triangle: u32,
-    // A point of the triangle's plane: LDI x, y and depth.
-    @location(4) @interpolate(flat) anchor: vec3f,
-    // Depth slopes along x and y, smallest and largest depth.
-    @location(5) @interpolate(flat) plane: vec4f,
+    // The triangle's corners, sorted.
+    @location(0) @interpolate(flat) corners: vec3u,
+    // The first in LDI pixels and depth, and the way from it to the others.
+    @location(1) @interpolate(flat) anchor: vec3f,
+    @location(2) @interpolate(flat) side1: vec3f,
+    @location(3) @interpolate(flat) side2: vec3f,
 }
 
 struct PeelFragment {
@@ -72,12 +71,18 @@ struct PeelFragment {
     @builtin(frag_depth) depth: f32,
 }
 
-// A corner in LDI pixels (snapped) and depth (0 to 1, within the margins).
-fn ldi_from_corner(corner: u32) -> vec3f {
+struct LdiCorner {
+    // LDI pixels (snapped) and depth (0 to 1, within the margins).
+    place: vec3f,
+    corner: u32,
+}
+
+fn ldi_corner(corner: u32) -> LdiCorner {
     let p = corners[3u * corner].xyz - view.origin;
     let xy = vec2f(dot(p, view.right), dot(p, view.up)) / view.pixel;
     let z = dot(p, view.forward) / view.depth;
-    return vec3f(floor(xy * 256.0 + 0.5) / 256.0, DEPTH_MARGIN + z * (1.0 - 2.0 * DEPTH_MARGIN));
+    let place = vec3f(floor(xy * 256.0 + 0.5) / 256.0, DEPTH_MARGIN + z * (1.0 - 2.0 * DEPTH_MARGIN));
+    return LdiCorner(place, corner);
 }
 
 fn is_before(a: vec3f, b: vec3f) -> bool {
@@ -88,53 +93,65 @@ fn is_before(a: vec3f, b: vec3f) -> bool {
 
 @vertex
 fn peel_vertex(@builtin(vertex_index) vertex: u32) -> PeelVarying {
-    let triangle = vertex / 3u;
-    var a = ldi_from_corner(3u * triangle);
-    var b = ldi_from_corner(3u * triangle + 1u);
-    var c = ldi_from_corner(3u * triangle + 2u);
-    var here = a;
-    if vertex % 3u == 1u { here = b; }
-    if vertex % 3u == 2u { here = c; }
+    let first = vertex - vertex % 3u;
+    var a = ldi_corner(first);
+    var b = ldi_corner(first + 1u);
+    var c = ldi_corner(first + 2u);
+    var here = a.place.xy;
+    if vertex % 3u == 1u { here = b.place.xy; }
+    if vertex % 3u == 2u { here = c.place.xy; }
 
-    // Sorted, so that triangles with the same corners get the same plane to the last bit, whatever their winding.
+    // Sorted, so that triangles with the same corners get the same depths to the last bit, whatever their winding.
     var swap = a;
-    if is_before(b, a) { swap = a; a = b; b = swap; }
-    if is_before(c, b) { swap = b; b = c; c = swap; }
-    if is_before(b, a) { swap = a; a = b; b = swap; }
-    let e1 = b - a;
-    let e2 = c - a;
-    let twice_area = e1.x * e2.y - e1.y * e2.x;
-    var slope = vec2f(0.0);
-    if twice_area != 0.0 {
-        slope = vec2f(e1.z * e2.y - e2.z * e1.y, e2.z * e1.x - e1.z * e2.x) / twice_area;
-    }
+    if is_before(b.place, a.place) { swap = a; a = b; b = swap; }
+    if is_before(c.place, b.place) { swap = b; b = c; c = swap; }
+    if is_before(b.place, a.place) { swap = a; a = b; b = swap; }
 
-    let ndc = (here.xy - view.tile_origin) * (2.0 / view.canvas) - 1.0;
+    let ndc = (here - view.clip_origin) * (2.0 / view.clip_size) - 1.0;
     var out: PeelVarying;
-    // Rows grow downwards in the target. No clipping in depth: `fragment_depth` rejects what is outside.
+    // Rows grow downwards in the target. No clipping in depth: `is_peeled` rejects what is outside.
     out.clip = vec4f(ndc.x, -ndc.y, 0.5, 1.0);
-    out.normal = corners[3u * vertex + 1u].xyz;
-    out.uv = vec2f(corners[3u * vertex].w, corners[3u * vertex + 1u].w);
-    out.color = corners[3u * vertex + 2u];
-    out.triangle = draw.first_triangle + triangle;
-    out.anchor = a;
-    out.plane = vec4f(slope, min(a.z, min(b.z, c.z)), max(a.z, max(b.z, c.z)));
+    out.corners = vec3u(a.corner, b.corner, c.corner);
+    out.anchor = a.place;
+    out.side1 = b.place - a.place;
+    out.side2 = c.place - a.place;
     return out;
 }
 
-fn fragment_depth(in: PeelVarying) -> f32 {
+fn cross2(a: vec2f, b: vec2f) -> f32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+// Weights of the second and third corner at the pixel's centre.
+fn corner_weights(in: PeelVarying) -> vec2f {
     let d = in.clip.xy + view.tile_origin - in.anchor.xy;
-    // Clamped: a sliver's slopes are steep and badly conditioned.
-    return clamp(in.anchor.z + d.x * in.plane.x + d.y * in.plane.y, in.plane.z, in.plane.w);
+    let w = vec2f(cross2(d, in.side2.xy), cross2(in.side1.xy, d)) / cross2(in.side1.xy, in.side2.xy);
+    // Clamped: slivers are badly conditioned, and must not reach beyond their corners.
+    let w1 = clamp(w.x, 0.0, 1.0);
+    return vec2f(w1, clamp(w.y, 0.0, 1.0 - w1));
 }
 
-fn base_color(in: PeelVarying) -> vec4f {
-    return draw.base_color * in.color * textureSampleLevel(base_color_texture, base_color_sampler, in.uv, 0.0);
+fn fragment_depth(in: PeelVarying, weights: vec2f) -> f32 {
+    return in.anchor.z + weights.x * in.side1.z + weights.y * in.side2.z;
 }
 
-fn is_peeled(pixel: vec2f, depth: f32, alpha: f32) -> bool {
-    let behind = depth > textureLoad(previous_depth, vec2u(pixel), 0);
-    return behind && depth < 1.0 && !(alpha < draw.alpha_cutoff);
+// Part `part` of a corner (see `corners`) at the weights.
+fn interpolate_corners(in: PeelVarying, weights: vec2f, part: u32) -> vec4f {
+    let a = corners[3u * in.corners.x + part];
+    let b = corners[3u * in.corners.y + part];
+    let c = corners[3u * in.corners.z + part];
+    return a * (1.0 - weights.x - weights.y) + b * weights.x + c * weights.y;
+}
+
+fn base_color(normal_v: vec4f, in: PeelVarying, weights: vec2f) -> vec4f {
+    let uv = vec2f(interpolate_corners(in, weights, 0u).w, normal_v.w);
+    let texel = textureSampleLevel(base_color_texture, base_color_sampler, uv, 0.0);
+    return draw.base_color * interpolate_corners(in, weights, 2u) * texel;
+}
+
+// Behind the layer before, and within the depth range.
+fn is_behind(in: PeelVarying, depth: f32) -> bool {
+    return depth > textureLoad(previous_depth, vec2u(in.clip.xy), 0) && depth < 1.0;
 }
 
 // Bytes of the sRGB code, rounded to nearest; packed here so that no adapter rounds its own way.
@@ -163,19 +180,24 @@ fn octahedral16_from_normal(n: vec3f) -> u32 {
 
 @fragment
 fn peel_fragment(in: PeelVarying) -> PeelFragment {
-    let depth = fragment_depth(in);
-    let color = base_color(in);
-    if !is_peeled(in.clip.xy, depth, color.a) { discard; }
-    let normal = octahedral16_from_normal(in.normal);
-    let albedo = srgb8_from_linear(color.rgb);
-    return PeelFragment(vec4u(in.triangle + 1u, normal, albedo, bitcast<u32>(depth)), depth);
+    let weights = corner_weights(in);
+    let depth = fragment_depth(in, weights);
+    if !is_behind(in, depth) { discard; }
+    let normal_v = interpolate_corners(in, weights, 1u);
+    let color = base_color(normal_v, in, weights);
+    if color.a < draw.alpha_cutoff { discard; }
+    let number = draw.first_triangle + in.corners.x / 3u + 1u;
+    let normal = octahedral16_from_normal(normal_v.xyz);
+    return PeelFragment(vec4u(number, normal, srgb8_from_linear(color.rgb), bitcast<u32>(depth)), depth);
 }
 
 // Counts what lies behind the last layer allowed. Drawn once, without depth test.
 @fragment
 fn count_left_over(in: PeelVarying) {
-    let depth = fragment_depth(in);
-    if !is_peeled(in.clip.xy, depth, base_color(in).a) { discard; }
+    let weights = corner_weights(in);
+    if !is_behind(in, fragment_depth(in, weights)) { discard; }
+    let color = base_color(interpolate_corners(in, weights, 1u), in, weights);
+    if color.a < draw.alpha_cutoff { discard; }
     let pixel = vec2u(in.clip.xy) & vec2u(15u);
     atomicAdd(&left_over[pixel.y * 16u + pixel.x], 1u);
 }

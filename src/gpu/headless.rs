@@ -35,8 +35,10 @@ pub enum HeadlessError {
 /// No adapter, or one that cannot be opened.
 pub fn headless_device() -> Result<(wgpu::Adapter, wgpu::Device, wgpu::Queue), HeadlessError> {
     let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
-    let descriptor =
-        wgpu::InstanceDescriptor { backends, ..wgpu::InstanceDescriptor::new_without_display_handle() };
+    let descriptor = wgpu::InstanceDescriptor {
+        backends,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    };
     let instance = wgpu::Instance::new(descriptor);
     let options = wgpu::RequestAdapterOptions {
         power_preference: wgpu::PowerPreference::HighPerformance,

@@ -27,8 +27,6 @@ mod triangles;
 mod upload;
 
 #[cfg(test)]
-mod parity_tests;
-#[cfg(test)]
 mod tests;
 
 use pipelines::PeelPipelines;
@@ -100,6 +98,8 @@ pub struct GpuPeeler {
     adapter: String,
     /// Largest side of a tile in pixels, a power of two. Larger LDIs are peeled in tiles.
     tile_limit: u32,
+    /// Largest side of a viewport in pixels, a power of two.
+    clip_limit: u32,
 }
 
 impl GpuPeeler {
@@ -111,10 +111,22 @@ impl GpuPeeler {
         let adapter = device.adapter_info().name;
         let limits = device.limits();
         let needs = [
-            ("max_storage_buffers_per_shader_stage", limits.max_storage_buffers_per_shader_stage, 4),
-            ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, 256),
+            (
+                "max_storage_buffers_per_shader_stage",
+                limits.max_storage_buffers_per_shader_stage,
+                4,
+            ),
+            (
+                "max_compute_invocations_per_workgroup",
+                limits.max_compute_invocations_per_workgroup,
+                256,
+            ),
             ("max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x, 256),
-            ("max_color_attachment_bytes_per_sample", limits.max_color_attachment_bytes_per_sample, 16),
+            (
+                "max_color_attachment_bytes_per_sample",
+                limits.max_color_attachment_bytes_per_sample,
+                16,
+            ),
             ("max_bind_groups", limits.max_bind_groups, 4),
         ];
         for (limit, have, need) in needs {
@@ -129,12 +141,13 @@ impl GpuPeeler {
             bytes <= limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
                 && blocks <= limits.max_compute_workgroups_per_dimension
         };
-        let mut tile_limit = LARGEST_TILE;
-        while tile_limit > 1 && !(tile_limit <= limits.max_texture_dimension_2d && records_fit(tile_limit)) {
+        let clip_limit = 1 << limits.max_texture_dimension_2d.max(1).ilog2();
+        let mut tile_limit = LARGEST_TILE.min(clip_limit);
+        while tile_limit > 1 && !records_fit(tile_limit) {
             tile_limit /= 2;
         }
         let pipelines = scoped(&device, &adapter, || Ok(PeelPipelines::new(&device)))?;
-        Ok(Self { device, queue, pipelines, adapter, tile_limit })
+        Ok(Self { device, queue, pipelines, adapter, tile_limit, clip_limit })
     }
 
     /// Name of the adapter, for messages.
@@ -160,8 +173,10 @@ impl GpuPeeler {
         self.check_viewports(model, viewports)?;
         let mut output = PeelOutput { viewports: viewports.to_vec(), ..Default::default() };
         progress(0.0);
-        let tiles: Vec<Vec<Tile>> =
-            viewports.iter().map(|viewport| Tile::cover(viewport, self.tile_limit)).collect();
+        let tiles: Vec<Vec<Tile>> = viewports
+            .iter()
+            .map(|viewport| Tile::cover(viewport, self.tile_limit, self.clip_limit))
+            .collect();
         let tile_count = tiles.iter().map(Vec::len).sum::<usize>();
         if tile_count == 0 || model.meshes.iter().all(|mesh| mesh.triangles.is_empty()) {
             let none = vec![0; viewports.len()];
@@ -175,19 +190,33 @@ impl GpuPeeler {
         let triangles = TriangleTable::of(model, &directions)
             .map_err(|what| GpuPeelError::Model { model: model.name.clone(), what })?;
         let (scene, targets) = self.scoped(|| {
-            let scene = PeelScene::upload(self, model, &triangles, settings.partition_triangles, directions.len())?;
+            let scene = PeelScene::upload(
+                self,
+                model,
+                &triangles,
+                settings.partition_triangles,
+                directions.len(),
+            )?;
             let targets = PeelTargets::new(self, tiles.iter().flatten(), &scene);
             Ok((scene, targets))
         })?;
-        let mut tile_peeler = TilePeeler::new(self, &scene, targets, &triangles, settings.max_layers);
+        let mut tile_peeler =
+            TilePeeler::new(self, &scene, targets, &triangles, settings.max_layers);
         let mut done = 0;
         for (direction, (viewport, tiles)) in std::iter::zip(viewports, &tiles).enumerate() {
             let first_sample = output.samples.len();
             let (mut layers, mut fragments, mut left_over) = (0, 0, 0);
             for tile in tiles {
-                let tile_progress = |share: f32| progress((done as f32 + share) / tile_count as f32);
+                let tile_progress =
+                    |share: f32| progress((done as f32 + share) / tile_count as f32);
                 let peeled = self.scoped(|| {
-                    tile_peeler.peel(direction as u8, viewport, tile, &mut output.samples, &tile_progress)
+                    tile_peeler.peel(
+                        direction as u8,
+                        viewport,
+                        tile,
+                        &mut output.samples,
+                        &tile_progress,
+                    )
                 })?;
                 layers = layers.max(peeled.layers);
                 fragments += peeled.fragments;
@@ -197,7 +226,8 @@ impl GpuPeeler {
             }
             if tiles.len() > 1 {
                 // Tiles come one after the other; the order of a direction is by layer, row, column.
-                output.samples[first_sample..].sort_unstable_by_key(|s| (s.layer, s.cell[1], s.cell[0]));
+                output.samples[first_sample..]
+                    .sort_unstable_by_key(|s| (s.layer, s.cell[1], s.cell[0]));
             }
             output.layers.push(layers);
             output.fragments.push(fragments);
@@ -207,7 +237,11 @@ impl GpuPeeler {
     }
 
     /// Samples name their direction in 8 bits and their cell in 16 and 16.
-    fn check_viewports(&self, model: &SourceModel, viewports: &[LdiViewport]) -> Result<(), GpuPeelError> {
+    fn check_viewports(
+        &self,
+        model: &SourceModel,
+        viewports: &[LdiViewport],
+    ) -> Result<(), GpuPeelError> {
         let error = |what| Err(GpuPeelError::Model { model: model.name.clone(), what });
         if viewports.len() > 256 {
             return error(format!("{} directions, but at most 256 can be peeled", viewports.len()));
@@ -216,7 +250,9 @@ impl GpuPeeler {
             let range = 1..=65536;
             if !(range.contains(&viewport.width) && range.contains(&viewport.height)) {
                 let (width, height) = (viewport.width, viewport.height);
-                return error(format!("the LDI of direction {i} is {width}x{height}, but sides must be 1 to 65536"));
+                return error(format!(
+                    "the LDI of direction {i} is {width}x{height}, but sides must be 1 to 65536"
+                ));
             }
         }
         Ok(())

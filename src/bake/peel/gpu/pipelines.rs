@@ -31,9 +31,10 @@ pub(super) struct GpuPeelView {
     pub(super) origin: [f32; 3],
     pub(super) tile_width: u32,
     pub(super) tile_origin: [f32; 2],
-    pub(super) canvas: [f32; 2],
+    pub(super) clip_origin: [f32; 2],
+    pub(super) clip_size: [f32; 2],
     pub(super) tile_height: u32,
-    pub(super) pad: [u32; 3],
+    pub(super) pad: u32,
 }
 
 /// `PeelDraw` of the shader: one material of one chunk of triangles.
@@ -76,7 +77,10 @@ impl PeelPipelines {
             source: wgpu::ShaderSource::Wgsl(PEEL_SHADER.into()),
         });
         let layout = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries,
+            })
         };
         let view_layout = layout(
             "peel_view",
@@ -89,9 +93,13 @@ impl PeelPipelines {
             "peel_draw",
             &[
                 uniform(0, Stages::VERTEX_FRAGMENT),
-                storage(1, Stages::VERTEX, true),
+                storage(1, Stages::VERTEX_FRAGMENT, true),
                 texture(2, Stages::FRAGMENT, wgpu::TextureSampleType::Float { filterable: true }),
-                entry(3, Stages::FRAGMENT, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+                entry(
+                    3,
+                    Stages::FRAGMENT,
+                    wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+                ),
             ],
         );
         let compact_layout = layout(
@@ -203,19 +211,35 @@ fn render_pipeline(
     })
 }
 
-fn entry(binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
+fn entry(
+    binding: u32,
+    visibility: wgpu::ShaderStages,
+    ty: wgpu::BindingType,
+) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
 }
 
-fn buffer(binding: u32, stages: wgpu::ShaderStages, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
-    entry(binding, stages, wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None })
+fn buffer(
+    binding: u32,
+    stages: wgpu::ShaderStages,
+    ty: wgpu::BufferBindingType,
+) -> wgpu::BindGroupLayoutEntry {
+    entry(
+        binding,
+        stages,
+        wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+    )
 }
 
 fn uniform(binding: u32, stages: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
     buffer(binding, stages, wgpu::BufferBindingType::Uniform)
 }
 
-fn storage(binding: u32, stages: wgpu::ShaderStages, read_only: bool) -> wgpu::BindGroupLayoutEntry {
+fn storage(
+    binding: u32,
+    stages: wgpu::ShaderStages,
+    read_only: bool,
+) -> wgpu::BindGroupLayoutEntry {
     buffer(binding, stages, wgpu::BufferBindingType::Storage { read_only })
 }
 
@@ -225,5 +249,9 @@ fn texture(
     sample_type: wgpu::TextureSampleType,
 ) -> wgpu::BindGroupLayoutEntry {
     let view_dimension = wgpu::TextureViewDimension::D2;
-    entry(binding, stages, wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false })
+    entry(
+        binding,
+        stages,
+        wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
+    )
 }

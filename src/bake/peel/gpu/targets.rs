@@ -16,8 +16,6 @@ const RECORDS_BYTES: u64 = 80 << 20;
 /// Textures, buffers and bind groups for one tile at a time.
 #[derive(Debug)]
 pub(super) struct PeelTargets {
-    /// Size of the textures: powers of two (see `PeelView` in the shader).
-    pub(super) canvas: [u32; 2],
     /// Layers per batch, ≥ 1; their records fit `records` whatever the layers hold.
     pub(super) batch: u32,
     pub(super) layer: wgpu::TextureView,
@@ -48,7 +46,6 @@ impl PeelTargets {
             pixels = pixels.max(u64::from(tile.size[0]) * u64::from(tile.size[1]));
         }
         let limits = device.limits();
-        let canvas = size.map(u32::next_power_of_two);
         let record_bytes =
             RECORDS_BYTES.min(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
         let batch = (record_bytes / (pixels * RECORD_BYTES)).clamp(1, LARGEST_BATCH);
@@ -57,7 +54,7 @@ impl PeelTargets {
         let texture = |label, format| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: wgpu::Extent3d { width: canvas[0], height: canvas[1], depth_or_array_layers: 1 },
+                size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -77,13 +74,25 @@ impl PeelTargets {
         };
         let group = |label, layout, resources: &[wgpu::BindingResource<'_>]| {
             let entries: Vec<_> = std::iter::zip(0.., resources)
-                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+                .map(|(binding, resource)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: resource.clone(),
+                })
                 .collect();
-            device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+            device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some(label),
+                layout,
+                entries: &entries,
+            })
         };
         let layer = texture("peel_layer", LAYER_FORMAT);
-        let depths = [texture("peel_depth_even", DEPTH_FORMAT), texture("peel_depth_odd", DEPTH_FORMAT)];
-        let view = buffer("peel_view", size_of::<GpuPeelView>() as u64, Buffers::UNIFORM | Buffers::COPY_DST);
+        let depths =
+            [texture("peel_depth_even", DEPTH_FORMAT), texture("peel_depth_odd", DEPTH_FORMAT)];
+        let view = buffer(
+            "peel_view",
+            size_of::<GpuPeelView>() as u64,
+            Buffers::UNIFORM | Buffers::COPY_DST,
+        );
         let view_groups = [&depths[0], &depths[1]].map(|depth| {
             let depth = wgpu::BindingResource::TextureView(depth);
             group("peel_view", &peeler.pipelines.view_layout, &[view.as_entire_binding(), depth])
@@ -111,7 +120,6 @@ impl PeelTargets {
         );
         let readback = Buffers::COPY_DST | Buffers::MAP_READ;
         Self {
-            canvas,
             batch: batch as u32,
             layer,
             depths,

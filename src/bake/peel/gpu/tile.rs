@@ -18,19 +18,31 @@ use crate::bake::peel::{LdiViewport, PeelSample};
 pub(super) struct Tile {
     pub(super) origin: [u32; 2],
     pub(super) size: [u32; 2],
+    /// What clip space spans (see `PeelView` in the shader); holds the tile.
+    clip_origin: [u32; 2],
+    clip_size: [u32; 2],
 }
 
 impl Tile {
     /// Tiles of at most `limit` pixels a side that cover the LDI, by row and column; none if the LDI has no extent.
-    pub(super) fn cover(viewport: &LdiViewport, limit: u32) -> Vec<Self> {
+    /// `limit` and `clip_limit`, the largest viewport, are powers of two, the first not above the second.
+    pub(super) fn cover(viewport: &LdiViewport, limit: u32, clip_limit: u32) -> Vec<Self> {
         let LdiViewport { width, height, pixel, depth, origin, .. } = *viewport;
-        if !(pixel > 0.0 && pixel.is_finite() && depth > 0.0 && depth.is_finite() && origin.is_finite()) {
+        if !(pixel > 0.0
+            && pixel.is_finite()
+            && depth > 0.0
+            && depth.is_finite()
+            && origin.is_finite())
+        {
             return Vec::new();
         }
         let starts = |length: u32| (0..length).step_by(limit as usize);
-        let tile = |x: u32, y: u32| {
-            let size = [limit.min(width - x), limit.min(height - y)];
-            Self { origin: [x, y], size }
+        let clip_size = [width, height].map(|side| side.next_power_of_two().min(clip_limit));
+        let tile = |x: u32, y: u32| Self {
+            origin: [x, y],
+            size: [limit.min(width - x), limit.min(height - y)],
+            clip_origin: [x - x % clip_size[0], y - y % clip_size[1]],
+            clip_size,
         };
         starts(height).flat_map(|y| starts(width).map(move |x| tile(x, y))).collect()
     }
@@ -112,7 +124,13 @@ impl<'a> TilePeeler<'a> {
                 self.compact_layer(&mut encoder, tile);
             }
             let header_bytes = self.targets.header.size();
-            encoder.copy_buffer_to_buffer(&self.targets.header, 0, &self.targets.header_readback, 0, header_bytes);
+            encoder.copy_buffer_to_buffer(
+                &self.targets.header,
+                0,
+                &self.targets.header_readback,
+                0,
+                header_bytes,
+            );
             let submission = self.peeler.queue.submit([encoder.finish()]);
             let header = &self.targets.header_readback;
             let [header, records] =
@@ -122,8 +140,10 @@ impl<'a> TilePeeler<'a> {
             // Behind `layer` and `total`, two words a layer. A layer behind an empty one is empty.
             let words: Vec<u32> = bytemuck::pod_collect_to_vec(&header);
             let counts = words[2..].chunks_exact(2).take(count as usize);
-            let counts: Vec<_> =
-                counts.map(|c| GpuLayerCount { covered: c[0], kept: c[1] }).take_while(|c| c.covered > 0).collect();
+            let counts: Vec<_> = counts
+                .map(|c| GpuLayerCount { covered: c[0], kept: c[1] })
+                .take_while(|c| c.covered > 0)
+                .collect();
             peeled.layers += counts.len() as u32;
             peeled.fragments += counts.iter().map(|c| u64::from(c.covered)).sum::<u64>();
             is_last = counts.len() < count as usize || peeled.layers == self.max_layers;
@@ -131,7 +151,8 @@ impl<'a> TilePeeler<'a> {
             // How many layers there are is not known beforehand: 8 layers are half of the way.
             progress(peeled.layers as f32 / (peeled.layers as f32 + 8.0));
         }
-        peeled.left_over = self.finish(direction, viewport, tile, &pending, peeled.layers, samples)?;
+        peeled.left_over =
+            self.finish(direction, viewport, tile, &pending, peeled.layers, samples)?;
         Ok(peeled)
     }
 
@@ -175,27 +196,39 @@ impl<'a> TilePeeler<'a> {
             origin: viewport.origin.to_array(),
             tile_width: tile.size[0],
             tile_origin: tile.origin.map(|v| v as f32),
-            canvas: self.targets.canvas.map(|v| v as f32),
+            clip_origin: tile.clip_origin.map(|v| v as f32),
+            clip_size: tile.clip_size.map(|v| v as f32),
             tile_height: tile.size[1],
-            pad: [0; 3],
+            pad: 0,
         }
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {
-        self.peeler.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("peel") })
+        self.peeler
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("peel") })
     }
 
     /// Before the first layer nothing is peeled: the depth to stay behind is 0.
     fn clear_first_depth(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("clear_first_depth"),
-            depth_stencil_attachment: Some(depth_attachment(&self.targets.depths[1], wgpu::LoadOp::Clear(0.0))),
+            depth_stencil_attachment: Some(depth_attachment(
+                &self.targets.depths[1],
+                wgpu::LoadOp::Clear(0.0),
+            )),
             ..Default::default()
         });
     }
 
     /// Draws the nearest fragments behind the layer before. Even layers write the first depth texture, odd the second.
-    fn peel_layer(&self, encoder: &mut wgpu::CommandEncoder, layer: u32, direction: u8, tile: &Tile) {
+    fn peel_layer(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        layer: u32,
+        direction: u8,
+        tile: &Tile,
+    ) {
         let [own, before] = [layer as usize % 2, (layer as usize + 1) % 2];
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("peel"),
@@ -214,7 +247,7 @@ impl<'a> TilePeeler<'a> {
             )),
             ..Default::default()
         });
-        pass.set_scissor_rect(0, 0, tile.size[0], tile.size[1]);
+        set_viewport(&mut pass, tile);
         pass.set_pipeline(&self.peeler.pipelines.peel);
         pass.set_bind_group(0, &self.targets.view_groups[before], &[]);
         self.scene.draw(&mut pass, direction);
@@ -230,7 +263,11 @@ impl<'a> TilePeeler<'a> {
         });
         pass.set_bind_group(0, &self.targets.view_groups[0], &[]);
         pass.set_bind_group(3, &self.targets.compact_group, &[]);
-        let steps = [(&pipelines.count_blocks, blocks), (&pipelines.scan_blocks, 1), (&pipelines.write_records, blocks)];
+        let steps = [
+            (&pipelines.count_blocks, blocks),
+            (&pipelines.scan_blocks, 1),
+            (&pipelines.write_records, blocks),
+        ];
         for (pipeline, workgroups) in steps {
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups(workgroups, 1, 1);
@@ -238,12 +275,21 @@ impl<'a> TilePeeler<'a> {
     }
 
     /// Counts the fragments behind the last of `layers` layers.
-    fn count_left_over(&self, encoder: &mut wgpu::CommandEncoder, layers: u32, direction: u8, tile: &Tile) {
+    fn count_left_over(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        layers: u32,
+        direction: u8,
+        tile: &Tile,
+    ) {
         let counter = self.peeler.pipelines.left_over(&self.peeler.device);
         let group = self.peeler.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("count_left_over"),
             layout: &counter.layout,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: self.targets.left_over.as_entire_binding() }],
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: self.targets.left_over.as_entire_binding(),
+            }],
         });
         encoder.clear_buffer(&self.targets.left_over, 0, None);
         let [unused, last] = [layers as usize % 2, (layers as usize + 1) % 2];
@@ -257,27 +303,35 @@ impl<'a> TilePeeler<'a> {
                 )),
                 ..Default::default()
             });
-            pass.set_scissor_rect(0, 0, tile.size[0], tile.size[1]);
+            set_viewport(&mut pass, tile);
             pass.set_pipeline(&counter.pipeline);
             pass.set_bind_group(0, &self.targets.view_groups[last], &[]);
             pass.set_bind_group(2, &group, &[]);
             self.scene.draw(&mut pass, direction);
         }
         let bytes = self.targets.left_over.size();
-        encoder.copy_buffer_to_buffer(&self.targets.left_over, 0, &self.targets.left_over_readback, 0, bytes);
+        encoder.copy_buffer_to_buffer(
+            &self.targets.left_over,
+            0,
+            &self.targets.left_over_readback,
+            0,
+            bytes,
+        );
     }
 
     /// Copies a batch's records to where the CPU can read them.
     fn copy_records(&mut self, encoder: &mut wgpu::CommandEncoder, bytes: u64) -> u64 {
         if bytes > 0 {
-            let too_small = self.records_readback.as_ref().is_none_or(|buffer| buffer.size() < bytes);
+            let too_small =
+                self.records_readback.as_ref().is_none_or(|buffer| buffer.size() < bytes);
             if too_small {
-                self.records_readback = Some(self.peeler.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some("peel_records_readback"),
-                    size: bytes.next_power_of_two().min(self.targets.records.size()),
-                    usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                    mapped_at_creation: false,
-                }));
+                self.records_readback =
+                    Some(self.peeler.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some("peel_records_readback"),
+                        size: bytes.next_power_of_two().min(self.targets.records.size()),
+                        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                        mapped_at_creation: false,
+                    }));
             }
             let readback = self.records_readback.as_ref().expect("made above");
             encoder.copy_buffer_to_buffer(&self.targets.records, 0, readback, 0, bytes);
@@ -308,6 +362,14 @@ impl<'a> TilePeeler<'a> {
         let PendingBatch { first_layer, counts } = pending;
         decode_records(records, counts, *first_layer, direction, viewport, self.triangles, samples);
     }
+}
+
+/// The viewport reaches beyond the target on all sides, as the LDI does beyond the tile.
+fn set_viewport(pass: &mut wgpu::RenderPass<'_>, tile: &Tile) {
+    let [x, y] = [0, 1].map(|axis| tile.clip_origin[axis] as f32 - tile.origin[axis] as f32);
+    let [width, height] = tile.clip_size.map(|side| side as f32);
+    pass.set_viewport(x, y, width, height, 0.0, 1.0);
+    pass.set_scissor_rect(0, 0, tile.size[0], tile.size[1]);
 }
 
 fn depth_attachment(

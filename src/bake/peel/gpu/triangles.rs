@@ -40,13 +40,18 @@ impl TriangleTable {
             let name = &mesh.name;
             if mesh.material >= model.materials.len() {
                 let (material, have) = (mesh.material, model.materials.len());
-                return Err(format!("mesh {i} (`{name}`) has material {material}, but there are {have}"));
+                return Err(format!(
+                    "mesh {i} (`{name}`) has material {material}, but there are {have}"
+                ));
             }
-            let material = u16::try_from(mesh.material)
-                .map_err(|_| format!("mesh {i} (`{name}`) has material {}, above 65535", mesh.material))?;
+            let material = u16::try_from(mesh.material).map_err(|_| {
+                format!("mesh {i} (`{name}`) has material {}, above 65535", mesh.material)
+            })?;
             if mesh.normals.len() != mesh.positions.len() {
                 let (normals, positions) = (mesh.normals.len(), mesh.positions.len());
-                return Err(format!("mesh {i} (`{name}`) has {normals} normals for {positions} positions"));
+                return Err(format!(
+                    "mesh {i} (`{name}`) has {normals} normals for {positions} positions"
+                ));
             }
             for triangle in &mesh.triangles {
                 let normal = corner_positions(mesh, *triangle).map_or(Vec3::ZERO, face_normal);

@@ -9,7 +9,9 @@ use super::{
     pipelines::GpuPeelDraw,
     triangles::{TriangleTable, corner_positions},
 };
-use crate::bake::source::{SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceTexture, SourceWrap};
+use crate::bake::source::{
+    SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceTexture, SourceWrap,
+};
 use bevy::math::{Vec2, Vec3, Vec4};
 use std::{collections::BTreeMap, ops::Range};
 
@@ -115,7 +117,8 @@ impl PeelScene {
 impl Chunks {
     fn upload(peeler: &GpuPeeler, model: &SourceModel, triangles: &TriangleTable) -> Self {
         let limits = peeler.device.limits();
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(CHUNK_BYTES);
+        let bytes =
+            limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(CHUNK_BYTES);
         let capacity = (bytes / TRIANGLE_BYTES).max(1) as u32;
         let mut chunks = Self::default();
         let mut corners: Vec<f32> = Vec::new();
@@ -139,7 +142,9 @@ impl Chunks {
                 }
                 let has_area = triangles.face_normals[(first + count) as usize] != Vec3::ZERO;
                 match corner_positions(mesh, *triangle).filter(|_| has_area) {
-                    Some(positions) => push_triangle(&mut corners, mesh, material, *triangle, positions),
+                    Some(positions) => {
+                        push_triangle(&mut corners, mesh, material, *triangle, positions)
+                    }
                     // A point covers nothing and keeps the numbering.
                     None => corners.extend([0.0; 3 * CORNER_FLOATS]),
                 }
@@ -199,7 +204,8 @@ fn create_bind_groups(
         span.bind_group = *pairs.entry((span.chunk, span.look)).or_insert(next);
     }
     let stride = (size_of::<GpuPeelDraw>() as u32)
-        .next_multiple_of(peeler.device.limits().min_uniform_buffer_offset_alignment) as usize;
+        .next_multiple_of(peeler.device.limits().min_uniform_buffer_offset_alignment)
+        as usize;
     let mut uniforms = vec![0; stride * pairs.len()];
     for (&(chunk, look), &i) in &pairs {
         let material = &model.materials[look.material];
@@ -213,7 +219,8 @@ fn create_bind_groups(
             first_triangle: chunks.first_triangles[chunk],
             pad: [0; 2],
         };
-        uniforms[i * stride..][..size_of::<GpuPeelDraw>()].copy_from_slice(bytemuck::bytes_of(&draw));
+        uniforms[i * stride..][..size_of::<GpuPeelDraw>()]
+            .copy_from_slice(bytemuck::bytes_of(&draw));
     }
     let uniforms = peeler.buffer_with("peel_draw", &uniforms, wgpu::BufferUsages::UNIFORM);
 
@@ -222,7 +229,8 @@ fn create_bind_groups(
     let mut bind_groups: Vec<_> = pairs.iter().map(|(&pair, &i)| (i, pair)).collect();
     bind_groups.sort_unstable();
     let create = |(i, (chunk, look)): (usize, (usize, Look))| {
-        let texture = model.materials[look.material].base_color_texture.as_ref().filter(|_| look.textured);
+        let texture =
+            model.materials[look.material].base_color_texture.as_ref().filter(|_| look.textured);
         let image_index = texture.map(|texture| texture.image);
         let view = match images.get(&image_index) {
             Some(view) => view,
@@ -247,9 +255,18 @@ fn create_bind_groups(
                         size: wgpu::BufferSize::new(size_of::<GpuPeelDraw>() as u64),
                     }),
                 },
-                wgpu::BindGroupEntry { binding: 1, resource: chunks.buffers[chunk].as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(view) },
-                wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::Sampler(&sampler) },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: chunks.buffers[chunk].as_entire_binding(),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 2,
+                    resource: wgpu::BindingResource::TextureView(view),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 3,
+                    resource: wgpu::BindingResource::Sampler(&sampler),
+                },
             ],
         }))
     };
@@ -263,7 +280,10 @@ fn checked_image<'a>(
 ) -> Result<&'a SourceImage, GpuPeelError> {
     let error = |what| Err(GpuPeelError::Model { model: model.name.clone(), what });
     let Some(image) = model.images.get(index) else {
-        return error(format!("a material uses image {index}, but there are {}", model.images.len()));
+        return error(format!(
+            "a material uses image {index}, but there are {}",
+            model.images.len()
+        ));
     };
     let (width, height) = (image.width, image.height);
     let pixels = u64::from(width) * u64::from(height);
@@ -284,7 +304,8 @@ fn checked_image<'a>(
 }
 
 fn upload_image(peeler: &GpuPeeler, image: &SourceImage) -> wgpu::TextureView {
-    let size = wgpu::Extent3d { width: image.width, height: image.height, depth_or_array_layers: 1 };
+    let size =
+        wgpu::Extent3d { width: image.width, height: image.height, depth_or_array_layers: 1 };
     let texture = peeler.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("base_color_texture"),
         size,
@@ -296,7 +317,11 @@ fn upload_image(peeler: &GpuPeeler, image: &SourceImage) -> wgpu::TextureView {
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(image.width * 4), rows_per_image: None };
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(image.width * 4),
+        rows_per_image: None,
+    };
     peeler.queue.write_texture(texture.as_image_copy(), &image.rgba8, layout, size);
     texture.create_view(&Default::default())
 }
