@@ -35,6 +35,8 @@ shader_files! {
     LOD = "lib/lod.wgsl",
     /// Twin of `forest::TreeInstance`.
     INSTANCE = "lib/instance.wgsl",
+    /// Depth peeling.
+    PEEL = "bake/peel.wgsl",
     /// Bindings of selection.
     SELECT_BINDINGS = "select/bindings.wgsl",
     /// Culls instances and counts their points.
