@@ -1,0 +1,104 @@
+//! `treeline view`: one tree as mesh and as points, in a window or as a contact sheet.
+
+mod window;
+
+use crate::{
+    options::{BakeOptions, SplatPathArg, ToolResult, bake_with_progress, make_folder, write_png},
+    sheet::contact_sheet,
+    subject::{Shot, Subject, Technique},
+};
+use bevy_treeline::bake::Baked;
+use clap::Args;
+use indicatif::ProgressBar;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub struct ViewArgs {
+    /// A model: .glb, .gltf, .obj or .ply.
+    file: PathBuf,
+    /// No window: write a turntable and a distance sweep as one picture.
+    #[arg(long)]
+    headless: bool,
+    /// Folder for pictures.
+    #[arg(long, default_value = "out/view")]
+    out: PathBuf,
+    /// q: points per pixel of surface.
+    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality)]
+    quality: f32,
+    /// Kernels that draw the points.
+    #[arg(long, value_enum, default_value = "auto")]
+    splat_path: SplatPathArg,
+    #[command(flatten)]
+    bake: BakeOptions,
+}
+
+/// Whether a window can be opened.
+pub fn has_display() -> bool {
+    if cfg!(any(target_os = "windows", target_os = "macos")) {
+        return true;
+    }
+    // The window backend is X11, which Wayland desktops offer too.
+    std::env::var_os("DISPLAY").is_some_and(|d| !d.is_empty())
+}
+
+pub fn run(args: &ViewArgs) -> ToolResult {
+    let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
+    let data = &baked.data;
+    println!(
+        "{}: {} triangles, {} points (LDI {}, {} order), surface {:.1}, mean leaf {:.5}",
+        args.file.display(),
+        data.statistics.triangles,
+        data.point_count(),
+        data.statistics.ldi_size,
+        data.statistics.order,
+        data.surface_area,
+        data.mean_leaf_area
+    );
+    if !args.headless && has_display() {
+        return window::run(&baked, args.splat_path.into(), args.quality, &args.out);
+    }
+    if !args.headless {
+        println!("there is no display, so pictures are written (the same as --headless)");
+    }
+    sheet(args, &baked)
+}
+
+/// Turntable and distance sweep, mesh and points side by side.
+fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
+    make_folder(&args.out)?;
+    let mut subject = Subject::new(baked, args.splat_path.into(), args.quality)?;
+    let d0 = subject.d0;
+    let mut shots = vec![];
+    for turn in 0..4 {
+        let azimuth = turn as f32 * std::f32::consts::FRAC_PI_2 + 0.4;
+        shots.push((format!("{} deg", turn * 90), d0, azimuth, 0.15f32));
+    }
+    shots.push(("from above".into(), d0, 0.4, 1.2));
+    for times in [0.5, 0.75, 1.0, 1.5, 2.0, 4.0, 8.0] {
+        shots.push((format!("{times} d0"), d0 * times, 0.4, 0.15));
+    }
+    let bar = ProgressBar::new(shots.len() as u64 * 3);
+    let mut cells = vec![];
+    for (name, distance, azimuth, elevation) in shots {
+        let size = subject.fitting_size(distance);
+        let shot = Shot { distance, azimuth, elevation, size };
+        for (technique, label) in
+            [(Technique::Mesh, "mesh"), (Technique::Points, "points"), (Technique::Crossfade, "as in a game")]
+        {
+            let (mut picture, counters) = subject.render(technique, shot, 1)?;
+            picture.pixels_mut().for_each(|p| p[3] = 255);
+            let count = match technique {
+                Technique::Mesh => String::new(),
+                _ => format!(", {} pts", counters.points),
+            };
+            cells.push((format!("{name}: {label}{count}"), picture));
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    let name = args.file.file_stem().unwrap_or(args.file.as_os_str()).to_string_lossy();
+    let path = args.out.join(format!("{name}.png"));
+    write_png(&path, &contact_sheet(&cells, 6, 320))?;
+    println!("d0 is {d0:.2}; pictures in {}", path.display());
+    Ok(())
+}
