@@ -1,8 +1,35 @@
 //! Source models: any triangle mesh with base colours, read from a file or from entities of a running game.
 //!
-//! Out: [`SourceModel`], plain data with every node transform applied. Polygon soups are fine.
+//! In: a `.glb`, `.gltf`, `.obj` or `.ply` file and what it refers to. Out: [`SourceModel`], plain data with every node
+//! transform applied. Polygon soups are fine. Cost: linear in the bytes read.
+//!
+//! One reader a format (`gltf`, `obj`, `ply`), each ends in [`check()`]; `images` decodes textures, `normals` makes missing
+//! normals, `leaf` tells foliage from wood, `measure` gives areas and bounds.
 
 use bevy::math::{Mat3, Vec2, Vec3, Vec4};
+use std::io;
+use std::path::Path;
+
+mod check;
+mod error;
+mod gltf;
+pub mod images;
+pub mod leaf;
+mod measure;
+mod mtl;
+pub mod normals;
+mod obj;
+mod ply;
+mod uri;
+
+#[cfg(test)]
+mod data_tests;
+
+pub use check::check;
+pub use error::SourceError;
+
+/// Extensions of the files that can be read, in lower case.
+pub const EXTENSIONS: [&str; 4] = ["glb", "gltf", "obj", "ply"];
 
 /// How a material uses alpha.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,4 +148,81 @@ pub struct SourceModel {
     pub warnings: Vec<String>,
     /// BLAKE3 of every byte read, external buffers and images included; all zero if not from a file.
     pub content_hash: [u8; 32],
+}
+
+/// The bytes of one model: what its file refers to is read through this, so that all of it is hashed, in order.
+struct Files<'a> {
+    /// The model's file, for messages.
+    file: &'a str,
+    hasher: blake3::Hasher,
+    read: &'a mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+}
+
+impl Files<'_> {
+    /// Reads a file by its path relative to the model.
+    fn fetch(&mut self, reference: &str) -> io::Result<Vec<u8>> {
+        let bytes = (self.read)(reference)?;
+        self.hasher.update(&bytes);
+        Ok(bytes)
+    }
+
+    /// [`Files::fetch`] for a file without which the model cannot be read.
+    fn require(&mut self, reference: &str) -> Result<Vec<u8>, SourceError> {
+        self.fetch(reference).map_err(|source| SourceError::ReadReferenced {
+            file: self.file.to_owned(),
+            reference: reference.to_owned(),
+            source,
+        })
+    }
+}
+
+/// Reads a model and the files it refers to, which are looked for relative to its folder.
+///
+/// # Errors
+/// Any [`SourceError`]: unreadable or malformed files, unknown formats, models without triangles.
+pub fn load_model(path: &Path) -> Result<SourceModel, SourceError> {
+    let name = path.display().to_string();
+    // Before reading: no need to load a video to learn that it is no model.
+    kind_of(&name)?;
+    let bytes =
+        std::fs::read(path).map_err(|source| SourceError::Read { file: name.clone(), source })?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut model =
+        parse_model(&name, &bytes, &mut |reference| std::fs::read(folder.join(reference)))?;
+    if let Some(file_name) = path.file_name() {
+        model.name = file_name.to_string_lossy().into_owned();
+    }
+    Ok(model)
+}
+
+/// Reads a model from `bytes`; `name` says its format by its extension, and names it in messages. `read` is asked for
+/// the files it refers to (buffers, textures, material libraries), by their decoded paths relative to the model.
+///
+/// # Errors
+/// As [`load_model`].
+pub fn parse_model(
+    name: &str,
+    bytes: &[u8],
+    read: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+) -> Result<SourceModel, SourceError> {
+    let kind = kind_of(name)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(bytes);
+    let mut files = Files { file: name, hasher, read };
+    let mut model = match kind {
+        "obj" => obj::parse(bytes, &mut files)?,
+        "ply" => ply::parse(bytes, name)?,
+        _ => gltf::parse(bytes, &mut files)?,
+    };
+    model.content_hash = *files.hasher.finalize().as_bytes();
+    Ok(model)
+}
+
+/// The entry of [`EXTENSIONS`] that `name` ends in.
+fn kind_of(name: &str) -> Result<&'static str, SourceError> {
+    let extension = Path::new(name).extension().unwrap_or_default().to_string_lossy();
+    EXTENSIONS
+        .into_iter()
+        .find(|known| extension.eq_ignore_ascii_case(known))
+        .ok_or_else(|| SourceError::UnknownKind { file: name.to_owned() })
 }
