@@ -3,16 +3,20 @@
 mod cache;
 mod file;
 pub mod format;
+mod format_error;
+mod lanes;
 mod sections;
 mod surfel;
+#[cfg(test)]
+mod synthetic;
 mod tree_asset;
 mod tree_data;
 
-pub use cache::{BakeCache, CacheKey, CacheLocation};
+pub use cache::{BAKE_VERSION, BakeCache, CACHE_DIR_VARIABLE, CacheKey, CacheLocation};
 pub use file::{FileError, read_treeline, write_treeline};
-pub use format::FormatError;
-pub use surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot};
+pub use format_error::{FilePart, FormatError, SectionId, SectionProblem};
 #[doc(hidden)]
 pub use surfel::MIRRORS as SURFEL_MIRRORS;
+pub use surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot};
 pub use tree_asset::{NearMesh, NearMeshPiece, TreeAsset};
-pub use tree_data::{BakeSeconds, BakeStatistics, SourceReference, TreeData};
+pub use tree_data::{BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError};

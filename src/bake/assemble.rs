@@ -7,7 +7,7 @@ use super::{
     source::{self, SourceError, SourceModel},
     surfels,
 };
-use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, SourceReference, TreeData};
+use crate::asset::{MAX_POINTS, BakeCache, BakeSeconds, BakeStatistics, SourceReference, TreeData};
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -97,8 +97,6 @@ pub enum BakeError {
     },
 }
 
-/// Points of a tree at most: the pool of a device with a 2 GiB binding.
-const MOST_POINTS: usize = 1 << 28;
 
 /// A baked model.
 #[derive(Clone, Debug)]
@@ -222,8 +220,8 @@ fn bake(
     if points == 0 {
         return Err(BakeError::NoPoints { model: model.name.clone(), ldi_size: settings.ldi_size });
     }
-    if points > MOST_POINTS {
-        let most = MOST_POINTS;
+    if points > MAX_POINTS as usize {
+        let most = MAX_POINTS as usize;
         return Err(BakeError::TooManyPoints { model: model.name.clone(), points, most, ldi_size: settings.ldi_size });
     }
 
@@ -260,7 +258,7 @@ fn bake(
                 .and_then(|v| v.as_str().map(str::to_owned))
                 .unwrap_or_default(),
             seed: settings.seed,
-            seconds: BakeSeconds { loading, peeling, ordering, total },
+            seconds: BakeSeconds { loading, peeling, ordering, total }.to_microseconds(),
             warnings,
         },
     })

@@ -19,6 +19,8 @@ pub mod predict;
 mod settings;
 pub mod source;
 pub mod surfels;
+#[cfg(test)]
+mod test_models;
 mod texture;
 
 pub use assemble::{BakeContext, BakeError, BakeStage, Baked, bake_file, bake_model};

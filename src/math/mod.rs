@@ -4,4 +4,7 @@ pub mod bounding;
 pub mod hash;
 pub mod image_error;
 pub mod octahedral;
+pub mod point_grid;
 pub mod quantize;
+pub mod sample_elimination;
+pub mod triangle;
