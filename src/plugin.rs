@@ -8,7 +8,7 @@ use crate::{
     render::TreelineRenderPlugin,
     shaders,
 };
-use bevy::prelude::*;
+use bevy::{prelude::*, render::RenderApp};
 
 /// Bakes and draws trees as points: add it after `DefaultPlugins`.
 ///
@@ -26,6 +26,9 @@ pub struct TreelinePlugin {
 impl Plugin for TreelinePlugin {
     fn build(&self, app: &mut App) {
         shaders::embed(app);
+        if app.get_sub_app(RenderApp).is_some() {
+            shaders::load_libraries(app);
+        }
         app.add_plugins((
             ForestPlugin,
             BakePlugin { cache: self.cache.clone(), settings: self.bake.clone() },

@@ -2,7 +2,7 @@
 
 use super::peel::{PeelDirection, PeelOutput};
 use super::source::{SourceMaterial, SourceModel};
-use crate::asset::surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel};
+use crate::asset::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel};
 
 /// The surfel of each sample. Ambient visibility is open (255) and the group 0: later stages of the bake write them.
 pub fn surfels(model: &SourceModel, output: &PeelOutput) -> Vec<Surfel> {

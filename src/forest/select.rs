@@ -3,7 +3,7 @@
 use super::{instance::TreeInstance, settings::TreelineSettings};
 use crate::{
     asset::{TreeAsset, TreeData},
-    gpu::types::{GpuInstanceDraw, GpuWorkItem, INSTANCE_HAS_MESH, POINTS_PER_ITEM},
+    gpu::types::{GpuInstanceDraw, GpuWorkItem, POINTS_PER_ITEM},
     lod::{
         fade::{FadeBand, fade_band, fade_state},
         prefix_count::{d0, prefix_count, round_count, z0},
@@ -145,11 +145,6 @@ pub fn emit_items(
         }
     }
     (items, overflow)
-}
-
-/// Whether the packed flags of an instance say that its near mesh is in the scene.
-pub fn has_mesh(species_seed_flags: u32) -> bool {
-    species_seed_flags & INSTANCE_HAS_MESH != 0
 }
 
 #[cfg(test)]

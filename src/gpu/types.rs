@@ -15,6 +15,7 @@ pub const RESOLVE_BLOCK: u32 = 16;
 
 gpu_types! {
     /// A baked tree in the surfel pool.
+    #[derive(PartialEq)]
     pub struct GpuSpecies as "Species" {
         /// Smallest corner of the model's box.
         pub lo: [f32; 3],
@@ -34,10 +35,12 @@ gpu_types! {
         pub surface_area: f32,
         /// `L`, 0 without leaves.
         pub mean_leaf_area: f32,
+        /// Zero.
         pub pad: u32,
     }
 
     /// One tree: 32 bytes.
+    #[derive(PartialEq)]
     pub struct GpuTreeInstance as "TreeInstance" {
         /// World space.
         pub position: [f32; 3],
@@ -52,6 +55,7 @@ gpu_types! {
     }
 
     /// What selection decided for an instance.
+    #[derive(PartialEq)]
     pub struct GpuInstanceDraw as "InstanceDraw" {
         /// Points to draw: the length of the prefix.
         pub count: u32,
@@ -60,6 +64,7 @@ gpu_types! {
     }
 
     /// Up to 64 consecutive points of one instance.
+    #[derive(PartialEq)]
     pub struct GpuWorkItem as "WorkItem" {
         /// Index of the instance.
         pub instance: u32,
@@ -72,6 +77,7 @@ gpu_types! {
     }
 
     /// Per view and frame.
+    #[derive(PartialEq)]
     pub struct GpuSelectSettings as "SelectSettings" {
         /// Viewport in pixels.
         pub size: [u32; 2],
@@ -99,10 +105,12 @@ gpu_types! {
         pub splat_shape: u32,
         /// 1 if the depth prepass of this view may be read.
         pub has_prepass: u32,
+        /// Zero.
         pub pad: u32,
     }
 
     /// What happened, per view and frame.
+    #[derive(PartialEq)]
     pub struct GpuCounters as "Counters" {
         /// Instances with a resident species.
         pub instances_seen: u32,
@@ -124,13 +132,16 @@ gpu_types! {
         pub covered_blocks: u32,
         /// Pixels that show a point.
         pub covered_pixels: u32,
+        /// Zero.
         pub pad: [u32; 2],
     }
 
     /// Arguments of the indirect commands, one buffer a view.
+    #[derive(PartialEq)]
     pub struct GpuIndirectArgs as "IndirectArgs" {
         /// Splat: workgroups x, y, z.
         pub splat: [u32; 3],
+        /// Zero.
         pub pad0: u32,
         /// Resolve: vertices, instances, first vertex, first instance.
         pub resolve: [u32; 4],

@@ -250,7 +250,7 @@ fn flag_near_trees(
     buffer: &Buffer,
     surfels: &SurfelPool,
 ) {
-    let mut write = |index: u32, word: u32| {
+    let write = |index: u32, word: u32| {
         queue.write_buffer(buffer, u64::from(index) * INSTANCE_BYTES + FLAGS_OFFSET, &word.to_le_bytes());
     };
     let mut now: HashMap<u32, u32> = default();

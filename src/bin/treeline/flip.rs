@@ -18,11 +18,6 @@ pub struct CropRect {
 }
 
 impl CropRect {
-    /// The whole image.
-    pub fn of(image: &RgbaImage) -> Self {
-        Self { x: 0, y: 0, width: image.width(), height: image.height() }
-    }
-
     /// True if it is not empty and lies within an image of that size.
     fn fits(&self, (width, height): (u32, u32)) -> bool {
         let ends_within = |start: u32, length: u32, size: u32| {

@@ -31,9 +31,15 @@ pub enum SplatSupport {
     /// One pass of 64-bit atomics.
     U64,
     /// Two passes of 32-bit atomics, for this reason.
-    U32 { reason: String },
+    U32 {
+        /// Why not 64.
+        reason: String,
+    },
     /// Nothing is drawn, for this reason.
-    Off { reason: String },
+    Off {
+        /// What lacks, and what to do.
+        reason: String,
+    },
 }
 
 impl SplatSupport {
