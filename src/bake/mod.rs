@@ -2,5 +2,11 @@
 
 pub mod order;
 pub mod peel;
+pub mod predict;
 pub mod settings;
 pub mod source;
+pub mod surfels;
+pub mod texture;
+
+#[cfg(test)]
+mod test_models;

@@ -9,6 +9,7 @@ use bevy::math::Vec3;
 
 pub mod cpu;
 pub mod gpu;
+mod raster;
 
 /// A peeling direction: an orthonormal, right-handed frame. The image lies in the plane of `right` and `up`
 /// (columns grow along `right`, rows along `up`); depth grows along `forward`.
