@@ -12,12 +12,12 @@ struct FadeState {
     points: f32,
 }
 
-fn d0(s: f32, z0: f32) -> f32 {
+fn d_zero(s: f32, z0: f32) -> f32 {
     return s * z0;
 }
 
 fn prefix_count(n0: f32, s: f32, z0: f32, d: f32, quality: f32) -> f32 {
-    let ratio = d0(s, z0) / max(d, 1e-6);
+    let ratio = d_zero(s, z0) / max(d, 1e-6);
     return min(n0 * quality * ratio * ratio, n0);
 }
 

@@ -49,7 +49,7 @@ struct SelectSettings {
     origin: vec2<u32>,
     instance_count: u32,
     item_capacity: u32,
-    z0: f32,
+    pixels_per_unit: f32,
     quality: f32,
     min_mesh_distance: f32,
     fade_width: f32,
@@ -77,6 +77,6 @@ struct Counters {
 
 struct IndirectArgs {
     splat: vec3<u32>,
-    pad0: u32,
+    pad: u32,
     resolve: vec4<u32>,
 }

@@ -4,7 +4,7 @@
 // `block_items` (work items of each block of instances). O(instances). CPU twin: src/forest/select.rs.
 #import bevy_treeline::hash::unit_from_bits
 #import bevy_treeline::instance::{NOT_RESIDENT, has_mesh, rotate, rotation_of, seed_of, species_of}
-#import bevy_treeline::lod::{d0, disc_radius, fade_band, fade_state, prefix_count, round_count}
+#import bevy_treeline::lod::{d_zero, disc_radius, fade_band, fade_state, prefix_count, round_count}
 #import bevy_treeline::select_bindings::{WORKGROUP, block_index, block_items, counters, draws, instances, item_count, settings, species, view}
 #import bevy_treeline::types::InstanceDraw
 
@@ -39,11 +39,11 @@ fn select_instance(index: u32) -> InstanceDraw {
     let d = select(distance(center, view.world_position), 1.0, settings.orthographic != 0u);
     let s = kind.pixel * instance.scale;
     let n0 = f32(kind.point_count);
-    let n = prefix_count(n0, s, settings.z0, d, settings.quality);
+    let n = prefix_count(n0, s, settings.pixels_per_unit, d, settings.quality);
     var wanted = n;
     if has_mesh(instance) && settings.orthographic == 0u {
         let hash = unit_from_bits(seed_of(instance));
-        let band = fade_band(d0(s, settings.z0), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
+        let band = fade_band(d_zero(s, settings.pixels_per_unit), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
         let state = fade_state(band, d);
         if state.points <= 0.0 {
             atomicAdd(&counters.as_mesh, 1u);

@@ -22,7 +22,7 @@ struct Splat {
     center: vec3<f32>,
     normal: vec3<f32>,
     plane: f32,
-    radius2: f32,
+    radius_squared: f32,
     // Pixel of the centre, and world units per pixel there.
     pixel: vec2<f32>,
     unit: f32,
@@ -56,18 +56,18 @@ fn project(item_index: u32, lane: u32) -> Splat {
     }
     let ndc = clip.xyz / clip.w;
     splat.pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(settings.size);
-    splat.unit = clip.w / settings.z0;
+    splat.unit = clip.w / settings.pixels_per_unit;
     splat.depth = bitcast<u32>(ndc.z);
     splat.center = (view.view_from_world * vec4(world, 1.0)).xyz;
     splat.normal = (view.view_from_world * vec4(face, 0.0)).xyz;
     splat.plane = dot(splat.normal, splat.center);
-    splat.radius2 = item.radius * item.radius;
+    splat.radius_squared = item.radius * item.radius;
     // A disc's outline reaches its radius only across the direction it leans to, but perspective stretches it away
     // from the axis: bound it by the stretch of a sphere.
     var reach = item.radius / splat.unit;
     if settings.splat_shape == 0u {
         let axis = splat.center / max(-splat.center.z, 1e-6);
-        reach *= select(length(axis), 1.0, orthographic) * (1.0 + reach / settings.z0);
+        reach *= select(length(axis), 1.0, orthographic) * (1.0 + reach / settings.pixels_per_unit);
     } else {
         // A square of the disc's area.
         reach *= 0.88622693;
@@ -93,5 +93,5 @@ fn covers(splat: Splat, at: vec2<i32>) -> bool {
     } else {
         d = on_plane * (splat.plane / dot(splat.normal, on_plane)) - splat.center;
     }
-    return dot(d, d) <= splat.radius2;
+    return dot(d, d) <= splat.radius_squared;
 }

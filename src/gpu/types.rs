@@ -87,8 +87,8 @@ gpu_types! {
         pub instance_count: u32,
         /// Work items that fit.
         pub item_capacity: u32,
-        /// Pixels per world unit at distance 1.
-        pub z0: f32,
+        /// `Z0`: pixels per world unit at distance 1 (naga_oil mangles names that end in a digit).
+        pub pixels_per_unit: f32,
         /// `q`.
         pub quality: f32,
         /// Least distance up to which meshes are drawn.
@@ -142,7 +142,7 @@ gpu_types! {
         /// Splat: workgroups x, y, z.
         pub splat: [u32; 3],
         /// Zero.
-        pub pad0: u32,
+        pub pad: u32,
         /// Resolve: vertices, instances, first vertex, first instance.
         pub resolve: [u32; 4],
     }

@@ -174,7 +174,7 @@ pub(super) fn prepare_views(
             origin: camera.viewport.as_ref().map_or(UVec2::ZERO, |v| v.physical_position).to_array(),
             instance_count: instances.count,
             item_capacity,
-            z0: z0(size.y as f32, view.clip_from_view.y_axis.y),
+            pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),
             quality: settings.quality,
             min_mesh_distance: settings.min_mesh_distance,
             fade_width: settings.fade_width,
