@@ -1,0 +1,3 @@
+//! L1: what GPU code of several places shares.
+
+pub mod headless;
