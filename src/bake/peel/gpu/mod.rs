@@ -27,6 +27,8 @@ mod triangles;
 mod upload;
 
 #[cfg(test)]
+mod parity_tests;
+#[cfg(test)]
 mod tests;
 
 use pipelines::PeelPipelines;
