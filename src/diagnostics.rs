@@ -54,9 +54,14 @@ impl Plugin for TreelineDiagnosticsPlugin {
     }
 }
 
-fn publish_counters(counters: Res<TreelineCounters>, near: Res<NearMeshes>, mut diagnostics: Diagnostics) {
+fn publish_counters(
+    counters: Res<TreelineCounters>,
+    near: Res<NearMeshes>,
+    mut diagnostics: Diagnostics,
+) {
     let all = counters.all();
-    let sum = |of: &dyn Fn(&crate::render::ViewCounters) -> u64| all.values().map(of).sum::<u64>() as f64;
+    let sum =
+        |of: &dyn Fn(&crate::render::ViewCounters) -> u64| all.values().map(of).sum::<u64>() as f64;
     type Plugin = TreelineDiagnosticsPlugin;
     diagnostics.add_measurement(&Plugin::INSTANCES_SEEN, || sum(&|c| c.instances_seen.into()));
     diagnostics.add_measurement(&Plugin::INSTANCES_CULLED, || {

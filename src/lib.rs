@@ -20,7 +20,8 @@ pub use asset::{CacheLocation, TreeAsset};
 pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
-    Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems,
+    Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor, TreeInstance,
+    TreelineSettings, TreelineSystems,
 };
 pub use plugin::TreelinePlugin;
 pub use render::{TreelineCounters, ViewCounters};
@@ -32,7 +33,7 @@ pub const MIRRORS: &[&[gpu::mirror::Mirror]] = &[asset::SURFEL_MIRRORS, gpu::typ
 /// What most apps name.
 pub mod prelude {
     pub use crate::{
-        BakeSettings, Forest, LodState, TreeAsset, TreeBaker, TreeImpostor, TreeInstance, TreelinePlugin,
-        TreelineSettings,
+        BakeSettings, Forest, LodState, TreeAsset, TreeBaker, TreeImpostor, TreeInstance,
+        TreelinePlugin, TreelineSettings,
     };
 }

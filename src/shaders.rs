@@ -101,3 +101,11 @@ pub fn load_libraries(app: &mut App) {
     let handles = libraries.map(|(path, _)| server.load(format!("{prefix}{path}"))).collect();
     app.insert_resource(ShaderLibraries(handles));
 }
+
+/// The source of a file of [`ALL`], for passes that run without an app; `path` is one of the constants.
+pub(crate) fn source(path: &str) -> &'static str {
+    let name = path
+        .strip_prefix(concat!("embedded://", env!("CARGO_PKG_NAME"), "/shaders/"))
+        .unwrap_or(path);
+    ALL.iter().find(|(file, _)| *file == name).map_or("", |(_, source)| source)
+}

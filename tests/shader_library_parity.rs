@@ -4,7 +4,7 @@ use bevy::{
     tasks::block_on,
 };
 use bevy_treeline::{
-    asset::surfel::{Surfel, SurfelCold, SurfelHot},
+    asset::{Surfel, SurfelCold, SurfelHot},
     math::{bounding::Aabb, hash, octahedral, quantize},
     shaders,
 };

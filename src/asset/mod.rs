@@ -19,4 +19,6 @@ pub use format_error::{FilePart, FormatError, SectionId, SectionProblem};
 pub use surfel::MIRRORS as SURFEL_MIRRORS;
 pub use surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot};
 pub use tree_asset::{NearMesh, NearMeshPiece, TreeAsset};
-pub use tree_data::{BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError};
+pub use tree_data::{
+    BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError,
+};

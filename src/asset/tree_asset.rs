@@ -1,7 +1,9 @@
 //! The baked tree as Bevy assets.
 
 use super::tree_data::TreeData;
-use bevy::{asset::Asset, math::Vec3, mesh::Mesh, pbr::StandardMaterial, prelude::Handle, reflect::TypePath};
+use bevy::{
+    asset::Asset, math::Vec3, mesh::Mesh, pbr::StandardMaterial, prelude::Handle, reflect::TypePath,
+};
 use std::sync::Arc;
 
 /// A baked tree: points in progressive order, and the mesh drawn near the camera.

@@ -7,7 +7,7 @@ use super::{
     source::{self, SourceError, SourceModel},
     surfels,
 };
-use crate::asset::{MAX_POINTS, BakeCache, BakeSeconds, BakeStatistics, SourceReference, TreeData};
+use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData};
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -61,7 +61,9 @@ pub enum BakeError {
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// Render passes were asked for.
-    #[error("{model}: peeling on the GPU was asked for, but there is no adapter; install a Vulkan driver or use the `cpu` or `auto` backend")]
+    #[error(
+        "{model}: peeling on the GPU was asked for, but there is no adapter; install a Vulkan driver or use the `cpu` or `auto` backend"
+    )]
     NoGpu {
         /// Name of the model.
         model: String,
@@ -76,7 +78,9 @@ pub enum BakeError {
         error: GpuPeelError,
     },
     /// No surface was hit.
-    #[error("{model}: no LDI pixel meets the model's surface, so there are no points; raise the LDI size (it is {ldi_size})")]
+    #[error(
+        "{model}: no LDI pixel meets the model's surface, so there are no points; raise the LDI size (it is {ldi_size})"
+    )]
     NoPoints {
         /// Name of the model.
         model: String,
@@ -84,7 +88,9 @@ pub enum BakeError {
         ldi_size: u32,
     },
     /// More points than an index holds.
-    #[error("{model}: {points} points are too many for one tree (at most {most}); lower the LDI size (it is {ldi_size})")]
+    #[error(
+        "{model}: {points} points are too many for one tree (at most {most}); lower the LDI size (it is {ldi_size})"
+    )]
     TooManyPoints {
         /// Name of the model.
         model: String,
@@ -96,7 +102,6 @@ pub enum BakeError {
         ldi_size: u32,
     },
 }
-
 
 /// A baked model.
 #[derive(Clone, Debug)]
@@ -149,7 +154,8 @@ pub fn bake_model(
     let source = reference.map(|path| SourceReference { path, content_hash: model.content_hash });
     let from_file = model.content_hash != [0; 32];
     let cache = context.cache.as_ref().filter(|_| from_file);
-    let key = BakeCache::key(&model.content_hash, &serde_json::to_string(settings).unwrap_or_default());
+    let key =
+        BakeCache::key(&model.content_hash, &serde_json::to_string(settings).unwrap_or_default());
     if let Some(mut data) = cache.and_then(|cache| cache.get(&key)) {
         debug!("{}: taken from the cache", model.name);
         data.source = source;
@@ -203,8 +209,9 @@ fn bake(
     let viewports = peel::viewports(&bounds, settings.ldi_size, &directions);
 
     let start = Instant::now();
-    let (output, backend) =
-        peel_model(model, &viewports, settings, context, &|done| progress(BakeStage::Peeling, done))?;
+    let (output, backend) = peel_model(model, &viewports, settings, context, &|done| {
+        progress(BakeStage::Peeling, done)
+    })?;
     let peeling = start.elapsed().as_secs_f64();
     let left_over: u64 = output.left_over.iter().sum();
     let mut warnings = model.warnings.clone();
@@ -222,7 +229,12 @@ fn bake(
     }
     if points > MAX_POINTS as usize {
         let most = MAX_POINTS as usize;
-        return Err(BakeError::TooManyPoints { model: model.name.clone(), points, most, ldi_size: settings.ldi_size });
+        return Err(BakeError::TooManyPoints {
+            model: model.name.clone(),
+            points,
+            most,
+            ldi_size: settings.ldi_size,
+        });
     }
 
     let ordering_start = Instant::now();

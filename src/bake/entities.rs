@@ -1,7 +1,8 @@
 //! Source models from a running game: any entity tree with `Mesh3d` and `MeshMaterial3d<StandardMaterial>`.
 
 use super::source::{
-    self, SourceAlpha, SourceError, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceTexture, SourceWrap,
+    self, SourceAlpha, SourceError, SourceImage, SourceMaterial, SourceMesh, SourceModel,
+    SourceTexture, SourceWrap,
 };
 use bevy::{
     image::{ImageAddressMode, ImageFilterMode, ImageSampler},
@@ -53,13 +54,15 @@ pub enum EntityModelError {
 pub fn model_of_entities(world: &World, root: Entity) -> Result<SourceModel, EntityModelError> {
     let root_ref = world.get_entity(root).map_err(|_| EntityModelError::NoEntity(root))?;
     let name = root_ref.get::<Name>().map_or_else(|| format!("entity {root}"), |n| n.to_string());
-    let mut reader = EntityReader { world, model: SourceModel { name, ..default() }, materials: default() };
+    let mut reader =
+        EntityReader { world, model: SourceModel { name, ..default() }, materials: default() };
     let mut pending = vec![(root, Affine3A::IDENTITY)];
     while let Some((entity, root_from_entity)) = pending.pop() {
         reader.read(entity, &root_from_entity)?;
         let children = world.get::<Children>(entity).into_iter().flatten();
         for child in children.copied().collect::<Vec<_>>().into_iter().rev() {
-            let local = world.get::<Transform>(child).map_or(Affine3A::IDENTITY, Transform::compute_affine);
+            let local =
+                world.get::<Transform>(child).map_or(Affine3A::IDENTITY, Transform::compute_affine);
             pending.push((child, root_from_entity * local));
         }
     }
@@ -74,7 +77,11 @@ struct EntityReader<'w> {
 }
 
 impl EntityReader<'_> {
-    fn read(&mut self, entity: Entity, root_from_entity: &Affine3A) -> Result<(), EntityModelError> {
+    fn read(
+        &mut self,
+        entity: Entity,
+        root_from_entity: &Affine3A,
+    ) -> Result<(), EntityModelError> {
         let (Some(mesh), Some(material)) = (
             self.world.get::<Mesh3d>(entity),
             self.world.get::<MeshMaterial3d<StandardMaterial>>(entity),
@@ -83,13 +90,17 @@ impl EntityReader<'_> {
         };
         let no_mesh = |why: &str| EntityModelError::Mesh { entity, why: why.into() };
         let meshes = self.world.get_resource::<Assets<Mesh>>();
-        let mesh = meshes.and_then(|m| m.get(&mesh.0)).ok_or_else(|| no_mesh("it is not loaded"))?;
+        let mesh =
+            meshes.and_then(|m| m.get(&mesh.0)).ok_or_else(|| no_mesh("it is not loaded"))?;
         if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
             self.model.warnings.push(format!("entity {entity}: only triangle lists are read"));
             return Ok(());
         }
-        let attribute = |id| mesh.try_attribute_option(id).map_err(|error| no_mesh(&error.to_string()));
-        let Some(VertexAttributeValues::Float32x3(positions)) = attribute(Mesh::ATTRIBUTE_POSITION)? else {
+        let attribute =
+            |id| mesh.try_attribute_option(id).map_err(|error| no_mesh(&error.to_string()));
+        let Some(VertexAttributeValues::Float32x3(positions)) =
+            attribute(Mesh::ATTRIBUTE_POSITION)?
+        else {
             return Err(no_mesh("it has no positions"));
         };
         let normals = match attribute(Mesh::ATTRIBUTE_NORMAL)? {
@@ -97,25 +108,38 @@ impl EntityReader<'_> {
             _ => vec![[0.0; 3]; positions.len()],
         };
         let uvs = match attribute(Mesh::ATTRIBUTE_UV_0)? {
-            Some(VertexAttributeValues::Float32x2(uvs)) => uvs.iter().map(|v| Vec2::from_array(*v)).collect(),
+            Some(VertexAttributeValues::Float32x2(uvs)) => {
+                uvs.iter().map(|v| Vec2::from_array(*v)).collect()
+            }
             _ => vec![],
         };
         let colors = match attribute(Mesh::ATTRIBUTE_COLOR)? {
-            Some(VertexAttributeValues::Float32x4(colors)) => colors.iter().map(|v| Vec4::from_array(*v)).collect(),
+            Some(VertexAttributeValues::Float32x4(colors)) => {
+                colors.iter().map(|v| Vec4::from_array(*v)).collect()
+            }
             _ => vec![],
         };
-        let indices: Vec<u32> = match mesh.try_indices_option().map_err(|error| no_mesh(&error.to_string()))? {
-            Some(Indices::U16(indices)) => indices.iter().map(|i| u32::from(*i)).collect(),
-            Some(Indices::U32(indices)) => indices.clone(),
-            None => (0..positions.len() as u32).collect(),
-        };
+        let indices: Vec<u32> =
+            match mesh.try_indices_option().map_err(|error| no_mesh(&error.to_string()))? {
+                Some(Indices::U16(indices)) => indices.iter().map(|i| u32::from(*i)).collect(),
+                Some(Indices::U32(indices)) => indices.clone(),
+                None => (0..positions.len() as u32).collect(),
+            };
         let normal_from_entity = Mat3::from(root_from_entity.matrix3).inverse().transpose();
         let mirrored = root_from_entity.matrix3.determinant() < 0.0;
-        let triangles = indices.chunks_exact(3).map(|t| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] });
+        let triangles = indices
+            .chunks_exact(3)
+            .map(|t| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] });
         let material = self.material(entity, &material.0)?;
         self.model.meshes.push(SourceMesh {
-            name: self.world.get::<Name>(entity).map_or_else(|| format!("entity {entity}"), Name::to_string),
-            positions: positions.iter().map(|p| root_from_entity.transform_point3(Vec3::from_array(*p))).collect(),
+            name: self
+                .world
+                .get::<Name>(entity)
+                .map_or_else(|| format!("entity {entity}"), Name::to_string),
+            positions: positions
+                .iter()
+                .map(|p| root_from_entity.transform_point3(Vec3::from_array(*p)))
+                .collect(),
             normals: normals.iter().map(|n| normal_from_entity * Vec3::from_array(*n)).collect(),
             uvs,
             colors,
@@ -125,20 +149,29 @@ impl EntityReader<'_> {
         Ok(())
     }
 
-    fn material(&mut self, entity: Entity, handle: &Handle<StandardMaterial>) -> Result<usize, EntityModelError> {
+    fn material(
+        &mut self,
+        entity: Entity,
+        handle: &Handle<StandardMaterial>,
+    ) -> Result<usize, EntityModelError> {
         if let Some(index) = self.materials.get(&handle.id()) {
             return Ok(*index);
         }
         let fallback = StandardMaterial::default();
         let materials = self.world.get_resource::<Assets<StandardMaterial>>();
         let material = materials.and_then(|m| m.get(handle)).unwrap_or(&fallback);
-        let texture = material.base_color_texture.as_ref().map(|t| self.texture(entity, t, material)).transpose()?;
+        let texture = material
+            .base_color_texture
+            .as_ref()
+            .map(|t| self.texture(entity, t, material))
+            .transpose()?;
         let base = material.base_color.to_linear();
         let alpha = match material.alpha_mode {
             AlphaMode::Opaque => SourceAlpha::Opaque,
             AlphaMode::Mask(cut_off) => SourceAlpha::Mask(cut_off),
             other => {
-                let warning = format!("entity {entity}: {other:?} is read as a mask with cut-off 0.5");
+                let warning =
+                    format!("entity {entity}: {other:?} is read as a mask with cut-off 0.5");
                 self.model.warnings.push(warning);
                 SourceAlpha::Mask(0.5)
             }
@@ -167,8 +200,14 @@ impl EntityReader<'_> {
     ) -> Result<SourceTexture, EntityModelError> {
         let no_texture = |why: String| EntityModelError::Texture { entity, why };
         let images = self.world.get_resource::<Assets<Image>>();
-        let image = images.and_then(|i| i.get(handle)).ok_or_else(|| no_texture("it is not loaded".into()))?;
-        let pixels = image.clone().try_into_dynamic().map_err(|error| no_texture(error.to_string()))?.into_rgba8();
+        let image = images
+            .and_then(|i| i.get(handle))
+            .ok_or_else(|| no_texture("it is not loaded".into()))?;
+        let pixels = image
+            .clone()
+            .try_into_dynamic()
+            .map_err(|error| no_texture(error.to_string()))?
+            .into_rgba8();
         let (width, height) = pixels.dimensions();
         self.model.images.push(SourceImage { width, height, rgba8: pixels.into_raw() });
         let sampler = match &image.sampler {

@@ -81,14 +81,20 @@ impl BakeEnvironment {
         let Some(gpu) = self.gpu.get() else {
             return BakeContext { cache: self.cache.clone(), ..default() };
         };
-        let peeler = self.peeler.get_or_init(|| match GpuPeeler::new(gpu.device.clone(), gpu.queue.clone()) {
-            Ok(peeler) => Some(Arc::new(peeler)),
-            Err(error) => {
-                warn!("peeling on the CPU: {error}");
-                None
+        let peeler = self.peeler.get_or_init(|| {
+            match GpuPeeler::new(gpu.device.clone(), gpu.queue.clone()) {
+                Ok(peeler) => Some(Arc::new(peeler)),
+                Err(error) => {
+                    warn!("peeling on the CPU: {error}");
+                    None
+                }
             }
         });
-        BakeContext { gpu: peeler.clone(), gpu_is_software: gpu.is_software, cache: self.cache.clone() }
+        BakeContext {
+            gpu: peeler.clone(),
+            gpu_is_software: gpu.is_software,
+            cache: self.cache.clone(),
+        }
     }
 }
 
@@ -159,7 +165,10 @@ impl TreeBaker<'_> {
     fn start(
         &mut self,
         name: String,
-        bake: impl FnOnce(&BakeEnvironment, &(dyn Fn(BakeStage, f32) + Sync)) -> Result<Baked, BakeError>
+        bake: impl FnOnce(
+            &BakeEnvironment,
+            &(dyn Fn(BakeStage, f32) + Sync),
+        ) -> Result<Baked, BakeError>
         + Send
         + 'static,
     ) -> Handle<TreeAsset> {
@@ -228,7 +237,9 @@ impl Plugin for BakePlugin {
             CacheLocation::Off => None,
         };
         if cache.is_none() && self.cache != CacheLocation::Off {
-            warn!("baked trees are not kept between runs: no cache folder is known, set TREELINE_CACHE_DIR");
+            warn!(
+                "baked trees are not kept between runs: no cache folder is known, set TREELINE_CACHE_DIR"
+            );
         }
         let progress = BakeProgress::default();
         let environment = BakeEnvironment {
@@ -257,7 +268,11 @@ impl Plugin for BakePlugin {
         let is_software = world
             .get_resource::<RenderAdapterInfo>()
             .is_none_or(|info| info.device_type == wgpu::DeviceType::Cpu);
-        let gpu = BakeGpu { device: device.wgpu_device().clone(), queue: (**queue.0).clone(), is_software };
+        let gpu = BakeGpu {
+            device: device.wgpu_device().clone(),
+            queue: (**queue.0).clone(),
+            is_software,
+        };
         // Set once: a second `finish` would bring the same device.
         let _ = world.resource::<BakeEnvironment>().gpu.set(gpu);
     }

@@ -128,8 +128,11 @@ impl AssetLoader for TreeLoader {
         let name = path.to_string();
         let start = Instant::now();
         let bytes = read_all(reader, &name).await?;
-        if bytes.starts_with(&format::MAGIC) || path.get_full_extension().is_some_and(|e| e.ends_with("treeline")) {
-            let data = format::decode(&bytes).map_err(|error| LoadTreeError::Format { path: name, error })?;
+        if bytes.starts_with(&format::MAGIC)
+            || path.get_full_extension().is_some_and(|e| e.ends_with("treeline"))
+        {
+            let data = format::decode(&bytes)
+                .map_err(|error| LoadTreeError::Format { path: name, error })?;
             let source = data.source.as_ref().filter(|_| !settings.points_only);
             let near_mesh = source.map(|source| context.load(sibling(&path, &source.path)));
             return Ok(TreeAsset { data: Arc::new(data), near_mesh });

@@ -32,10 +32,14 @@ pub struct NearMeshSource {
 pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
     let middle = model.bounds().center();
     let parts = model.materials.iter().enumerate().filter_map(|(index, material)| {
-        let meshes: Vec<_> =
-            model.meshes.iter().filter(|m| m.material == index && !m.triangles.is_empty()).collect();
+        let meshes: Vec<_> = model
+            .meshes
+            .iter()
+            .filter(|m| m.material == index && !m.triangles.is_empty())
+            .collect();
         let first = meshes.first()?;
-        let textured = material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());
+        let textured =
+            material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());
         let colored = meshes.iter().any(|m| !m.colors.is_empty());
         let (mut positions, mut normals, mut uvs, mut colors, mut indices) =
             (vec![], vec![], vec![], vec![], Vec::<u32>::new());

@@ -36,9 +36,15 @@ impl ForestIndex {
         let span = (high - low + 1).as_i64vec2();
         let mut found: Vec<u32> = if span.x * span.y > self.cells.len() as i64 {
             let inside = |cell: IVec2| cell.cmpge(low).all() && cell.cmple(high).all();
-            self.cells.iter().filter(|(cell, _)| inside(**cell)).flat_map(|(_, trees)| trees).copied().collect()
+            self.cells
+                .iter()
+                .filter(|(cell, _)| inside(**cell))
+                .flat_map(|(_, trees)| trees)
+                .copied()
+                .collect()
         } else {
-            let cells = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| IVec2::new(x, y)));
+            let cells =
+                (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| IVec2::new(x, y)));
             cells.filter_map(|cell| self.cells.get(&cell)).flatten().copied().collect()
         };
         found.sort_unstable();
@@ -46,7 +52,10 @@ impl ForestIndex {
     }
 }
 
-pub(super) fn index_forests(mut commands: Commands, forests: Query<(Entity, &Forest), Changed<Forest>>) {
+pub(super) fn index_forests(
+    mut commands: Commands,
+    forests: Query<(Entity, &Forest), Changed<Forest>>,
+) {
     for (entity, forest) in &forests {
         commands.entity(entity).insert(ForestIndex::build(forest));
     }
@@ -59,12 +68,16 @@ mod tests {
 
     #[test]
     fn near_finds_every_tree_within_the_radius() {
-        let at = |i: u32| Vec3::new((i % 50) as f32 * 7.0 - 100.0, 0.0, (i / 50) as f32 * 9.0 - 200.0);
+        let at =
+            |i: u32| Vec3::new((i % 50) as f32 * 7.0 - 100.0, 0.0, (i / 50) as f32 * 9.0 - 200.0);
         let forest = Forest::new([]).with((0..2500).map(|i| TreeInstance::at(at(i))));
         let index = ForestIndex::build(&forest);
-        for (center, radius) in [(Vec3::ZERO, 20.0), (Vec3::new(60.0, 3.0, -50.0), 75.0), (Vec3::ZERO, 1e6)] {
+        for (center, radius) in
+            [(Vec3::ZERO, 20.0), (Vec3::new(60.0, 3.0, -50.0), 75.0), (Vec3::ZERO, 1e6)]
+        {
             let found = index.near(center, radius);
-            let missed = (0..2500u32).filter(|&i| at(i).distance(center) < radius && !found.contains(&i));
+            let missed =
+                (0..2500u32).filter(|&i| at(i).distance(center) < radius && !found.contains(&i));
             assert_eq!(missed.count(), 0);
             assert!(found.is_sorted());
         }

@@ -22,7 +22,14 @@ pub struct TreeInstance {
 
 impl Default for TreeInstance {
     fn default() -> Self {
-        Self { position: Vec3::ZERO, rotation: Quat::IDENTITY, scale: 1.0, species: 0, tint: [128; 3], seed: 0 }
+        Self {
+            position: Vec3::ZERO,
+            rotation: Quat::IDENTITY,
+            scale: 1.0,
+            species: 0,
+            tint: [128; 3],
+            seed: 0,
+        }
     }
 }
 
@@ -67,7 +74,8 @@ impl TreeInstance {
         let [a, b] = packed.rotation;
         Self {
             position: Vec3::from_array(packed.position),
-            rotation: Quat::from_xyzw(snorm(a), snorm(a >> 16), snorm(b), snorm(b >> 16)).normalize(),
+            rotation: Quat::from_xyzw(snorm(a), snorm(a >> 16), snorm(b), snorm(b >> 16))
+                .normalize(),
             scale: packed.scale,
             species: packed.species_seed_flags as u16,
             tint: [packed.tint as u8, (packed.tint >> 8) as u8, (packed.tint >> 16) as u8],

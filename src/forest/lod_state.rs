@@ -25,8 +25,12 @@ pub(super) fn view_points<'a>(
 }
 
 /// The instance that a single tree is.
-pub(crate) fn impostor_instance(impostor: &TreeImpostor, transform: &GlobalTransform) -> TreeInstance {
-    TreeInstance { tint: impostor.tint, seed: impostor.seed, ..TreeInstance::default() }.in_world(&transform.affine())
+pub(crate) fn impostor_instance(
+    impostor: &TreeImpostor,
+    transform: &GlobalTransform,
+) -> TreeInstance {
+    TreeInstance { tint: impostor.tint, seed: impostor.seed, ..TreeInstance::default() }
+        .in_world(&transform.affine())
 }
 
 pub(super) fn update_lod_state(
@@ -44,10 +48,12 @@ pub(super) fn update_lod_state(
             let instance = impostor_instance(impostor, transform);
             let has_mesh = near.is_ready(entity, 0);
             let selections = views.iter().map(|(view, settings)| {
-                let selection = select_instance(view, settings, &tree.shape(), &instance, 0, has_mesh);
+                let selection =
+                    select_instance(view, settings, &tree.shape(), &instance, 0, has_mesh);
                 (selection, view.z0)
             });
-            let largest = selections.max_by(|a, b| (a.1 / a.0.distance).total_cmp(&(b.1 / b.0.distance)));
+            let largest =
+                selections.max_by(|a, b| (a.1 / a.0.distance).total_cmp(&(b.1 / b.0.distance)));
             largest.map_or(LodState::default(), |(selection, z0)| LodState {
                 distance: selection.distance,
                 d0: tree.data.pixel * instance.scale * z0,

@@ -10,9 +10,9 @@ mod settings;
 
 pub use components::{Forest, LodState, TreeImpostor};
 pub use instance::TreeInstance;
+pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
-pub(crate) use lod_state::impostor_instance;
 pub use settings::{SplatPath, SplatShape, TreelineSettings};
 
 use crate::asset::{NearMesh, TreeAsset};

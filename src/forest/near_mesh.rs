@@ -120,7 +120,15 @@ fn wanted(
         let urgency = selection.distance / band.far;
         let dithered = selection.distance > band.middle * 0.9;
         let fade = band.middle..band.far;
-        let best = best.get_or_insert(Wanted { tree, instance, mesh, shape, urgency, fade: fade.clone(), dithered });
+        let best = best.get_or_insert(Wanted {
+            tree,
+            instance,
+            mesh,
+            shape,
+            urgency,
+            fade: fade.clone(),
+            dithered,
+        });
         best.urgency = best.urgency.min(urgency);
         best.dithered |= dithered;
         // The mesh is complete wherever any view starts to drop points.
@@ -155,7 +163,8 @@ pub(super) fn update_near_meshes(
             let reach = assets.iter().flatten().map(|asset| {
                 let world = scale * index.max_scale;
                 let d0 = asset.data.pixel * world * view.z0;
-                d0.max(settings.min_mesh_distance) * SPAWN_MARGIN + asset.data.bounds.radius() * world
+                d0.max(settings.min_mesh_distance) * SPAWN_MARGIN
+                    + asset.data.bounds.radius() * world
             });
             let reach = reach.fold(0.0f32, f32::max);
             let eye = affine.inverse().transform_point3(view.position);
@@ -165,7 +174,9 @@ pub(super) fn update_near_meshes(
         candidates.dedup();
         for i in candidates {
             let Some(instance) = forest.get(i as usize) else { continue };
-            let Some(asset) = assets.get(usize::from(instance.species)).copied().flatten() else { continue };
+            let Some(asset) = assets.get(usize::from(instance.species)).copied().flatten() else {
+                continue;
+            };
             let tree = NearTree { owner, index: i };
             all.extend(wanted(&views, tree, instance.in_world(&affine), asset, &meshes));
         }
@@ -201,11 +212,13 @@ pub(super) fn update_near_meshes(
             }
         }
         let transform = Transform {
-            translation: w.instance.position + w.instance.rotation * (w.shape.center * w.instance.scale),
+            translation: w.instance.position
+                + w.instance.rotation * (w.shape.center * w.instance.scale),
             rotation: w.instance.rotation,
             scale: Vec3::splat(w.instance.scale),
         };
-        let range = VisibilityRange { start_margin: 0.0..0.0, end_margin: w.fade.clone(), use_aabb: false };
+        let range =
+            VisibilityRange { start_margin: 0.0..0.0, end_margin: w.fade.clone(), use_aabb: false };
         let tinted = &mut pool.tinted;
         let mut material_of = |source: &Handle<StandardMaterial>| {
             near_material(tinted, &mut materials, source, w.instance.tint, w.dithered)
@@ -248,8 +261,13 @@ pub(super) fn update_near_meshes(
                     entity.id()
                 });
                 let parts = spawned.collect();
-                let slot =
-                    Slot { parts, frames: 0, instance: w.instance, mesh: w.mesh, dithered: w.dithered };
+                let slot = Slot {
+                    parts,
+                    frames: 0,
+                    instance: w.instance,
+                    mesh: w.mesh,
+                    dithered: w.dithered,
+                };
                 pool.slots.insert(w.tree, slot);
             }
         }
@@ -278,10 +296,19 @@ fn near_material(
         return handle.clone();
     }
     let mut material = original.clone();
-    let factor = LinearRgba::rgb(f32::from(tint[0]) / 128.0, f32::from(tint[1]) / 128.0, f32::from(tint[2]) / 128.0);
+    let factor = LinearRgba::rgb(
+        f32::from(tint[0]) / 128.0,
+        f32::from(tint[1]) / 128.0,
+        f32::from(tint[2]) / 128.0,
+    );
     let base = material.base_color.to_linear();
-    material.base_color =
-        LinearRgba::new(base.red * factor.red, base.green * factor.green, base.blue * factor.blue, base.alpha).into();
+    material.base_color = LinearRgba::new(
+        base.red * factor.red,
+        base.green * factor.green,
+        base.blue * factor.blue,
+        base.alpha,
+    )
+    .into();
     if masked {
         material.alpha_mode = AlphaMode::Mask(0.0);
     }

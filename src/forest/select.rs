@@ -97,8 +97,13 @@ pub fn select_instance(
     let s = shape.pixel * instance.scale;
     let n = prefix_count(shape.point_count as f32, s, view.z0, d, settings.quality);
     let hash = unit_from_bits(u32::from(instance.seed));
-    let band =
-        fade_band(d0(s, view.z0), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
+    let band = fade_band(
+        d0(s, view.z0),
+        settings.min_mesh_distance,
+        settings.fade_width,
+        settings.fade_jitter,
+        hash,
+    );
     let mut wanted = n;
     let mut mesh = 0.0;
     if has_mesh && !view.orthographic {
@@ -106,7 +111,12 @@ pub fn select_instance(
         mesh = state.mesh;
         wanted *= state.points;
         if state.points <= 0.0 {
-            return Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count: 0, radius: 0.0 } };
+            return Selection {
+                distance: d,
+                band,
+                mesh,
+                draw: GpuInstanceDraw { count: 0, radius: 0.0 },
+            };
         }
     }
     let count = round_count(wanted, unit_from_bits(index ^ 0x51ed_270b)).min(shape.point_count);
@@ -114,7 +124,12 @@ pub fn select_instance(
     let radius = if count == 0 {
         0.0
     } else {
-        disc_radius(shape.surface_area * scale2, n, shape.mean_leaf_area * scale2, settings.overlap_gain)
+        disc_radius(
+            shape.surface_area * scale2,
+            n,
+            shape.mean_leaf_area * scale2,
+            settings.overlap_gain,
+        )
     };
     Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count, radius } }
 }
@@ -152,7 +167,13 @@ mod tests {
     use super::*;
 
     fn shape() -> SpeciesShape {
-        SpeciesShape { center: Vec3::Y * 5.0, point_count: 100_000, pixel: 0.02, surface_area: 60.0, mean_leaf_area: 0.006 }
+        SpeciesShape {
+            center: Vec3::Y * 5.0,
+            point_count: 100_000,
+            pixel: 0.02,
+            surface_area: 60.0,
+            mean_leaf_area: 0.006,
+        }
     }
 
     #[test]
@@ -172,7 +193,10 @@ mod tests {
         let settings = TreelineSettings::default();
         let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
         let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -3.0));
-        assert_eq!(select_instance(&view, &settings, &shape(), &tree, 0, false).draw.count, 100_000);
+        assert_eq!(
+            select_instance(&view, &settings, &shape(), &tree, 0, false).draw.count,
+            100_000
+        );
         let near = select_instance(&view, &settings, &shape(), &tree, 0, true);
         assert_eq!((near.draw.count, near.mesh), (0, 1.0));
     }

@@ -33,11 +33,24 @@ impl<K: Send + Sync> ReadbackRing<K> {
     /// A ring for buffers of `size` bytes (a multiple of 4).
     pub fn new(size: u64) -> Self {
         let (sender, receiver) = channel();
-        Self { size, slots: vec![], recorded: vec![], free: vec![], sender, receiver: receiver.into() }
+        Self {
+            size,
+            slots: vec![],
+            recorded: vec![],
+            free: vec![],
+            sender,
+            receiver: receiver.into(),
+        }
     }
 
     /// Records a copy of the first bytes of `source` (usage `COPY_SRC`).
-    pub fn copy(&mut self, device: &RenderDevice, encoder: &mut CommandEncoder, source: &Buffer, tag: K) {
+    pub fn copy(
+        &mut self,
+        device: &RenderDevice,
+        encoder: &mut CommandEncoder,
+        source: &Buffer,
+        tag: K,
+    ) {
         let index = match self.free.pop() {
             Some(index) => index,
             None if self.slots.len() < MAX_SLOTS => {

@@ -99,7 +99,12 @@ pub(super) fn copy_counters(
     let (trees, main_entity) = view.into_inner();
     let Some(buffers) = views.get(trees) else { return };
     let mut ring = readback.ring.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    ring.copy(&device, ctx.command_encoder(), &buffers.counters, (main_entity.id(), readback.frame));
+    ring.copy(
+        &device,
+        ctx.command_encoder(),
+        &buffers.counters,
+        (main_entity.id(), readback.frame),
+    );
 }
 
 /// Asks for this frame's counters and publishes those that have arrived.

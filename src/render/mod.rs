@@ -23,7 +23,9 @@ use bevy::{
     render::{
         ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
         extract_component::ExtractComponentPlugin,
-        render_resource::{CachedPipelineState, Pipeline, PipelineCache, SpecializedRenderPipelines},
+        render_resource::{
+            CachedPipelineState, Pipeline, PipelineCache, SpecializedRenderPipelines,
+        },
     },
 };
 
@@ -100,18 +102,26 @@ pub fn pipeline_states(render_world: &World) -> (usize, Vec<String>) {
     let mut problems = vec![];
     for pipeline in cache.pipelines() {
         let label = match &pipeline.descriptor {
-            bevy::render::render_resource::PipelineDescriptor::RenderPipelineDescriptor(d) => d.label.clone(),
-            bevy::render::render_resource::PipelineDescriptor::ComputePipelineDescriptor(d) => d.label.clone(),
+            bevy::render::render_resource::PipelineDescriptor::RenderPipelineDescriptor(d) => {
+                d.label.clone()
+            }
+            bevy::render::render_resource::PipelineDescriptor::ComputePipelineDescriptor(d) => {
+                d.label.clone()
+            }
         };
         let label = label.unwrap_or_default();
         if !label.starts_with("treeline_") {
             continue;
         }
         match &pipeline.state {
-            CachedPipelineState::Ok(Pipeline::ComputePipeline(_) | Pipeline::RenderPipeline(_)) => ready += 1,
+            CachedPipelineState::Ok(Pipeline::ComputePipeline(_) | Pipeline::RenderPipeline(_)) => {
+                ready += 1
+            }
             CachedPipelineState::Err(error) => problems.push(format!("{label}: {error}")),
             CachedPipelineState::Queued | CachedPipelineState::Creating(_) => {
-                problems.push(format!("{label}: not ready (a missing shader import stays here for ever)"));
+                problems.push(format!(
+                    "{label}: not ready (a missing shader import stays here for ever)"
+                ));
             }
         }
     }

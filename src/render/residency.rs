@@ -37,7 +37,10 @@ pub(super) struct SurfelBuffers {
     pub cold: Buffer,
 }
 
-fn same(a: &[(AssetId<TreeAsset>, Arc<TreeData>)], b: &[(AssetId<TreeAsset>, Arc<TreeData>)]) -> bool {
+fn same(
+    a: &[(AssetId<TreeAsset>, Arc<TreeData>)],
+    b: &[(AssetId<TreeAsset>, Arc<TreeData>)],
+) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.0 == b.0 && Arc::ptr_eq(&a.1, &b.1))
 }
 
@@ -70,7 +73,8 @@ pub(super) fn prepare_surfels(
     pool.generation += 1;
     let limits = device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    let (mut species, mut hot, mut cold) = (vec![], Vec::<SurfelHot>::new(), Vec::<SurfelCold>::new());
+    let (mut species, mut hot, mut cold) =
+        (vec![], Vec::<SurfelHot>::new(), Vec::<SurfelCold>::new());
     pool.resident.clear();
     pool.index_of.clear();
     for (id, tree) in &trees.species {
@@ -99,7 +103,11 @@ pub(super) fn prepare_surfels(
     }
     let upload = |label, contents: &[u8]| {
         let usage = BufferUsages::STORAGE;
-        device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage })
+        device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some(label),
+            contents,
+            usage,
+        })
     };
     pool.buffers = Some(SurfelBuffers {
         species: upload("treeline_species", bytemuck::cast_slice(&species)),
@@ -140,7 +148,9 @@ impl InstancePool {
             && self.pool_generation == surfels.generation
             && self.forests.len() == trees.forests.len()
             && self.forests.iter().zip(&trees.forests).all(|(a, b)| {
-                a.entity == b.entity && Arc::ptr_eq(&a.instances, &b.instances) && a.transform == b.transform
+                a.entity == b.entity
+                    && Arc::ptr_eq(&a.instances, &b.instances)
+                    && a.transform == b.transform
             })
     }
 
@@ -148,7 +158,8 @@ impl InstancePool {
     fn index_of(&self, tree: NearTree, trees: &ExtractedTrees) -> Option<u32> {
         if let Ok(i) = self.forests.binary_search_by_key(&tree.owner, |f| f.entity) {
             let forest = &self.forests[i];
-            return ((tree.index as usize) < forest.instances.len()).then_some(forest.first + tree.index);
+            return ((tree.index as usize) < forest.instances.len())
+                .then_some(forest.first + tree.index);
         }
         let i = trees.impostors.binary_search_by_key(&tree.owner, |i| i.entity).ok()?;
         Some(self.first_impostor + i as u32)
@@ -164,7 +175,8 @@ pub(super) fn prepare_instances(
     queue: Res<RenderQueue>,
 ) {
     let pool = &mut *pool;
-    let resident = |id: &AssetId<TreeAsset>| surfels.index_of.get(id).copied().unwrap_or(SPECIES_NOT_RESIDENT);
+    let resident =
+        |id: &AssetId<TreeAsset>| surfels.index_of.get(id).copied().unwrap_or(SPECIES_NOT_RESIDENT);
     let mut packed_forests: Vec<GpuTreeInstance> = vec![];
     let rewrite = !pool.is_current(&trees, &surfels);
     if rewrite {
@@ -179,8 +191,11 @@ pub(super) fn prepare_instances(
             });
             let identity = forest.transform == Affine3A::IDENTITY;
             packed_forests.extend(forest.instances.iter().map(|packed| {
-                let mut out =
-                    if identity { *packed } else { TreeInstance::unpack(packed).in_world(&forest.transform).pack() };
+                let mut out = if identity {
+                    *packed
+                } else {
+                    TreeInstance::unpack(packed).in_world(&forest.transform).pack()
+                };
                 let local = (packed.species_seed_flags & 0xffff) as usize;
                 let index = species.get(local).copied().unwrap_or(SPECIES_NOT_RESIDENT);
                 out.species_seed_flags = packed.species_seed_flags & 0x00ff_0000 | index;
@@ -196,7 +211,8 @@ pub(super) fn prepare_instances(
         .iter()
         .map(|impostor| {
             let mut packed = impostor.instance.pack();
-            packed.species_seed_flags = packed.species_seed_flags & 0x00ff_0000 | resident(&impostor.species);
+            packed.species_seed_flags =
+                packed.species_seed_flags & 0x00ff_0000 | resident(&impostor.species);
             packed
         })
         .collect();
@@ -215,7 +231,8 @@ pub(super) fn prepare_instances(
     let grow = u64::from(pool.count) > capacity || pool.buffer.is_none();
     if grow {
         // Room for a few more single trees, so that spawning one does not make a new buffer each time.
-        let size = (u64::from(pool.count) + 256).next_multiple_of(256).min(limit.max(1)) * INSTANCE_BYTES;
+        let size =
+            (u64::from(pool.count) + 256).next_multiple_of(256).min(limit.max(1)) * INSTANCE_BYTES;
         pool.buffer = Some(device.create_buffer(&BufferDescriptor {
             label: Some("treeline_instances"),
             size,
@@ -251,7 +268,11 @@ fn flag_near_trees(
     surfels: &SurfelPool,
 ) {
     let write = |index: u32, word: u32| {
-        queue.write_buffer(buffer, u64::from(index) * INSTANCE_BYTES + FLAGS_OFFSET, &word.to_le_bytes());
+        queue.write_buffer(
+            buffer,
+            u64::from(index) * INSTANCE_BYTES + FLAGS_OFFSET,
+            &word.to_le_bytes(),
+        );
     };
     let mut now: HashMap<u32, u32> = default();
     for near in &trees.near {
@@ -259,11 +280,15 @@ fn flag_near_trees(
         let word = if index >= pool.first_impostor {
             impostors[(index - pool.first_impostor) as usize].species_seed_flags
         } else {
-            let Ok(i) = pool.forests.binary_search_by_key(&near.owner, |f| f.entity) else { continue };
+            let Ok(i) = pool.forests.binary_search_by_key(&near.owner, |f| f.entity) else {
+                continue;
+            };
             let packed = pool.forests[i].instances[near.index as usize].species_seed_flags;
-            let species = trees.forests.get(i).and_then(|f| f.species.get((packed & 0xffff) as usize));
-            let resident =
-                species.and_then(|id| surfels.index_of.get(id).copied()).unwrap_or(SPECIES_NOT_RESIDENT);
+            let species =
+                trees.forests.get(i).and_then(|f| f.species.get((packed & 0xffff) as usize));
+            let resident = species
+                .and_then(|id| surfels.index_of.get(id).copied())
+                .unwrap_or(SPECIES_NOT_RESIDENT);
             packed & 0x00ff_0000 | resident
         };
         // Single trees are written every frame, without the flag.

@@ -4,8 +4,8 @@ use super::residency::InstancePool;
 use crate::{
     forest::{SplatShape, TreelineSettings},
     gpu::types::{
-        GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK,
-        SELECT_WORKGROUP,
+        GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuWorkItem,
+        POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
     },
     lod::prefix_count::z0,
 };
@@ -64,12 +64,18 @@ pub(super) struct ViewResolvePipeline(pub CachedRenderPipelineId);
 
 fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
     let size = size.max(16);
-    device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+    device.create_buffer(&BufferDescriptor {
+        label: Some(label),
+        size,
+        usage,
+        mapped_at_creation: false,
+    })
 }
 
 fn pixel_buffers(device: &RenderDevice, size: UVec2) -> (Buffer, Buffer) {
     let pixels = u64::from(size.x) * u64::from(size.y);
-    let blocks = u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
+    let blocks =
+        u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     (
         buffer(device, "treeline_visibility", pixels * 8, storage),
@@ -81,7 +87,10 @@ fn instance_buffers(device: &RenderDevice, count: u32) -> (Buffer, Buffer) {
     let draws = u64::from(count) * size_of::<GpuInstanceDraw>() as u64;
     let blocks = u64::from(count.div_ceil(SELECT_WORKGROUP)) * 4;
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-    (buffer(device, "treeline_draws", draws, storage), buffer(device, "treeline_block_items", blocks, storage))
+    (
+        buffer(device, "treeline_draws", draws, storage),
+        buffer(device, "treeline_block_items", blocks, storage),
+    )
 }
 
 fn item_buffer(device: &RenderDevice, capacity: u32) -> Buffer {
@@ -116,7 +125,8 @@ pub(super) fn prepare_views(
     for (entity, view, camera, msaa, settings, prepass) in &cameras {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
-        let has_pixels = size.x > 0 && size.y > 0 && u64::from(size.x) * u64::from(size.y) * 8 <= binding_limit;
+        let has_pixels =
+            size.x > 0 && size.y > 0 && u64::from(size.x) * u64::from(size.y) * 8 <= binding_limit;
         if !settings.enabled || !has_pixels || instances.count == 0 {
             commands.entity(entity).remove::<ViewTrees>();
             continue;
@@ -132,11 +142,21 @@ pub(super) fn prepare_views(
             let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
             let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
             ViewBuffers {
-                settings: buffer(&device, "treeline_settings", size_of::<GpuSelectSettings>() as u64, uniform),
+                settings: buffer(
+                    &device,
+                    "treeline_settings",
+                    size_of::<GpuSelectSettings>() as u64,
+                    uniform,
+                ),
                 draws,
                 block_items,
                 items: item_buffer(&device, item_capacity),
-                counters: buffer(&device, "treeline_counters", size_of::<GpuCounters>() as u64, counters),
+                counters: buffer(
+                    &device,
+                    "treeline_counters",
+                    size_of::<GpuCounters>() as u64,
+                    counters,
+                ),
                 args: buffer(&device, "treeline_args", size_of::<GpuIndirectArgs>() as u64, args),
                 visibility,
                 blocks,
@@ -163,7 +183,9 @@ pub(super) fn prepare_views(
         }
         for name in moved {
             if !buffers.warned.contains(&name) {
-                warn!("TreelineSettings::{name} of a camera is out of its range and was moved into it");
+                warn!(
+                    "TreelineSettings::{name} of a camera is out of its range and was moved into it"
+                );
                 buffers.warned.push(name);
             }
         }
@@ -171,7 +193,11 @@ pub(super) fn prepare_views(
         let has_prepass = msaa.samples() == 1 && prepass.is_some_and(|p| p.depth_view().is_some());
         let data = GpuSelectSettings {
             size: size.to_array(),
-            origin: camera.viewport.as_ref().map_or(UVec2::ZERO, |v| v.physical_position).to_array(),
+            origin: camera
+                .viewport
+                .as_ref()
+                .map_or(UVec2::ZERO, |v| v.physical_position)
+                .to_array(),
             instance_count: instances.count,
             item_capacity,
             pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),

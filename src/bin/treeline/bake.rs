@@ -1,6 +1,8 @@
 //! `treeline bake`: models → `.treeline` files, with the columns of the paper's Table 1.
 
-use crate::options::{BakeOptions, ToolError, ToolResult, bake_with_progress, make_folder, write_file};
+use crate::options::{
+    BakeOptions, ToolError, ToolResult, bake_with_progress, make_folder, write_file,
+};
 use bevy_treeline::{
     asset::{SourceReference, TreeData, write_treeline},
     bake::Baked,
@@ -77,10 +79,8 @@ fn write_tree(file: &Path, out: &Path, baked: &Baked) -> ToolResult<(PathBuf, u6
     let stem = file.file_stem().unwrap_or(file.as_os_str());
     let path = out.join(stem).with_extension("treeline");
     let mut data = TreeData::clone(&baked.data);
-    data.source = Some(SourceReference {
-        path: relative(file, out),
-        content_hash: baked.model.content_hash,
-    });
+    data.source =
+        Some(SourceReference { path: relative(file, out), content_hash: baked.model.content_hash });
     let bytes = write_treeline(&path, &data)?;
     Ok((path, bytes))
 }
@@ -93,7 +93,16 @@ pub fn run(args: &BakeArgs) -> ToolResult {
     let mut report = Report { models: vec![], failed: vec![] };
     println!(
         "{:<28} {:>5} {:>10} {:>12} {:>10} {:>9} {:>9} {:>9} {:>9} {:>11}  peeled by",
-        "model", "LDI", "triangles", "layers", "points", "loading", "peeling", "ordering", "total", "bytes"
+        "model",
+        "LDI",
+        "triangles",
+        "layers",
+        "points",
+        "loading",
+        "peeling",
+        "ordering",
+        "total",
+        "bytes"
     );
     for file in &args.files {
         let result = bake_with_progress(file, &settings, &context)
@@ -103,7 +112,11 @@ pub fn run(args: &BakeArgs) -> ToolResult {
             Ok(((path, bytes), baked)) => {
                 let s = &baked.data.statistics;
                 let layers = s.layers.iter().map(u32::to_string).collect::<Vec<_>>().join("/");
-                let by = if baked.from_cache { format!("{} (cached)", s.backend) } else { s.backend.clone() };
+                let by = if baked.from_cache {
+                    format!("{} (cached)", s.backend)
+                } else {
+                    s.backend.clone()
+                };
                 println!(
                     "{name:<28} {:>5} {:>10} {layers:>12} {:>10} {:>8.3}s {:>8.3}s {:>8.3}s {:>8.3}s {bytes:>11}  {by}",
                     s.ldi_size,
@@ -142,7 +155,8 @@ pub fn run(args: &BakeArgs) -> ToolResult {
         }
     }
     if let Some(json) = &args.json {
-        let text = serde_json::to_string_pretty(&report).map_err(|error| ToolError::write(json, error))?;
+        let text =
+            serde_json::to_string_pretty(&report).map_err(|error| ToolError::write(json, error))?;
         write_file(json, text.as_bytes())?;
     }
     if !report.failed.is_empty() {

@@ -3,7 +3,8 @@
 use crate::{
     flip::{CropRect, flip},
     options::{
-        BakeOptions, SplatPathArg, ToolError, ToolResult, bake_with_progress, make_folder, write_file, write_png,
+        BakeOptions, SplatPathArg, ToolError, ToolResult, bake_with_progress, make_folder,
+        write_file, write_png,
     },
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
@@ -96,7 +97,9 @@ fn tree_box(reference: &RgbaImage) -> Option<CropRect> {
 fn errors(reference: &RgbaImage, test: &RgbaImage, crop: CropRect) -> ToolResult<Errors> {
     let message = |error: &dyn std::fmt::Display| ToolError::Message(error.to_string());
     let report = flip(reference, test, crop).map_err(|e| message(&e))?;
-    let cut = |image: &RgbaImage| image::imageops::crop_imm(image, crop.x, crop.y, crop.width, crop.height).to_image();
+    let cut = |image: &RgbaImage| {
+        image::imageops::crop_imm(image, crop.x, crop.y, crop.width, crop.height).to_image()
+    };
     let (a, b) = (cut(test), cut(reference));
     let block = block_rmse(&a, &b, crop.width, crop.height, 16).map_err(|e| message(&e))?;
     let alpha = |image: &RgbaImage| image.pixels().map(|p| p[3]).collect::<Vec<_>>();
@@ -106,7 +109,9 @@ fn errors(reference: &RgbaImage, test: &RgbaImage, crop: CropRect) -> ToolResult
 
 pub fn run(args: &CompareArgs) -> ToolResult {
     if let Some(bad) = args.distances.iter().find(|d| !(d.is_finite() && **d > 0.0)) {
-        return Err(ToolError::Message(format!("--distances: {bad} is not a distance; give numbers above 0")));
+        return Err(ToolError::Message(format!(
+            "--distances: {bad} is not a distance; give numbers above 0"
+        )));
     }
     make_folder(&args.out)?;
     let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
@@ -124,7 +129,9 @@ pub fn run(args: &CompareArgs) -> ToolResult {
         args.quality,
         baked.data.statistics.order
     );
-    println!("distance   points | points: FLIP    p95  block RMSE  coverage | mesh 1x: FLIP    p95  block RMSE");
+    println!(
+        "distance   points | points: FLIP    p95  block RMSE  coverage | mesh 1x: FLIP    p95  block RMSE"
+    );
     let bar = ProgressBar::new(distances.len() as u64 * 3);
     let mut report = Report {
         file: args.file.display().to_string(),
@@ -182,7 +189,8 @@ pub fn run(args: &CompareArgs) -> ToolResult {
             let cut = if name.ends_with("error") {
                 opaque
             } else {
-                image::imageops::crop_imm(&opaque, crop.x, crop.y, crop.width, crop.height).to_image()
+                image::imageops::crop_imm(&opaque, crop.x, crop.y, crop.width, crop.height)
+                    .to_image()
             };
             let label = match name {
                 "reference" => format!("reference at {tag}"),
@@ -212,7 +220,8 @@ pub fn run(args: &CompareArgs) -> ToolResult {
     write_png(&args.out.join("sheet.png"), &contact_sheet(&cells, 5, 360))?;
     println!("pictures in {}", args.out.display());
     if let Some(json) = &args.json {
-        let text = serde_json::to_string_pretty(&report).map_err(|error| ToolError::write(json, error))?;
+        let text =
+            serde_json::to_string_pretty(&report).map_err(|error| ToolError::write(json, error))?;
         write_file(json, text.as_bytes())?;
     }
     Ok(())

@@ -12,8 +12,8 @@ use bevy::{
         pipelined_rendering::PipelinedRenderingPlugin,
         render_asset::RenderAssets,
         render_resource::{
-            BufferDescriptor, BufferUsages, Extent3d, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout,
-            TextureFormat, TextureUsages,
+            BufferDescriptor, BufferUsages, Extent3d, MapMode, PollType, TexelCopyBufferInfo,
+            TexelCopyBufferLayout, TextureFormat, TextureUsages,
         },
         renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
         settings::{Backends, RenderCreation, WgpuSettings},
@@ -39,29 +39,39 @@ pub fn bevy_plugins(window: Option<Window>) -> PluginGroupBuilder {
     let plugins = DefaultPlugins
         .set(WindowPlugin {
             primary_window: window,
-            exit_condition: if windowed { ExitCondition::OnPrimaryClosed } else { ExitCondition::DontExit },
+            exit_condition: if windowed {
+                ExitCondition::OnPrimaryClosed
+            } else {
+                ExitCondition::DontExit
+            },
             ..default()
         })
-        .set(LogPlugin { filter: "warn,bevy_treeline=info,wgpu=error,naga=warn,symphonia=error".into(), ..default() })
+        .set(LogPlugin {
+            filter: "warn,bevy_treeline=info,wgpu=error,naga=warn,symphonia=error".into(),
+            ..default()
+        })
         .set(RenderPlugin {
             render_creation: RenderCreation::from(settings),
             // Headless pictures must not depend on how fast shaders compile.
             synchronous_pipeline_compilation: !windowed,
             ..default()
         });
-    if windowed { plugins } else { plugins.disable::<WinitPlugin>().disable::<PipelinedRenderingPlugin>() }
+    if windowed {
+        plugins
+    } else {
+        plugins.disable::<WinitPlugin>().disable::<PipelinedRenderingPlugin>()
+    }
 }
 
 /// An app without a window, ready to update. Trees come from the caller, so the plugin's own cache is off.
 pub fn headless_app(splat_path: SplatPath) -> ToolResult<App> {
     // Bevy panics without an adapter; ask first.
-    bevy_treeline::gpu::headless::headless_device().map_err(|error| ToolError::NoGpu(error.to_string()))?;
+    bevy_treeline::gpu::headless::headless_device()
+        .map_err(|error| ToolError::NoGpu(error.to_string()))?;
     let mut app = App::new();
-    app.add_plugins(bevy_plugins(None)).add_plugins(RenderDiagnosticsPlugin).add_plugins(TreelinePlugin {
-        splat_path,
-        cache: CacheLocation::Off,
-        ..default()
-    });
+    app.add_plugins(bevy_plugins(None))
+        .add_plugins(RenderDiagnosticsPlugin)
+        .add_plugins(TreelinePlugin { splat_path, cache: CacheLocation::Off, ..default() });
     app.finish();
     app.cleanup();
     if let Some(info) = app.world().get_resource::<RenderAdapterInfo>() {
@@ -110,13 +120,20 @@ pub fn capture(app: &App, target: &Handle<Image>) -> ToolResult<RgbaImage> {
         texture.as_image_copy(),
         TexelCopyBufferInfo {
             buffer: &buffer,
-            layout: TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
+            layout: TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(row as u32),
+                rows_per_image: None,
+            },
         },
         Extent3d { width, height, depth_or_array_layers: 1 },
     );
     queue.submit([encoder.finish()]);
     buffer.slice(..).map_async(MapMode::Read, |_| ());
-    device.wgpu_device().poll(PollType::wait_indefinitely()).map_err(|error| lost(&error.to_string()))?;
+    device
+        .wgpu_device()
+        .poll(PollType::wait_indefinitely())
+        .map_err(|error| lost(&error.to_string()))?;
     let bytes = buffer.slice(..).get_mapped_range();
     let mut pixels = Vec::with_capacity((width * height * 4) as usize);
     for y in 0..height as usize {

@@ -3,7 +3,10 @@
 use bevy_treeline::{
     BakeSettings, SplatPath,
     asset::BakeCache,
-    bake::{BakeContext, BakeError, BakeStage, Baked, OrderMethod, PeelBackend, bake_file, peel::gpu::GpuPeeler},
+    bake::{
+        BakeContext, BakeError, BakeStage, Baked, OrderMethod, PeelBackend, bake_file,
+        peel::gpu::GpuPeeler,
+    },
     gpu::headless::headless_device,
 };
 use clap::{Args, ValueEnum};
@@ -20,7 +23,9 @@ pub enum ToolError {
     Bake(#[from] BakeError),
     #[error(transparent)]
     File(#[from] bevy_treeline::asset::FileError),
-    #[error("cannot write {path}: {error}; choose another folder with --out, or make this one writable")]
+    #[error(
+        "cannot write {path}: {error}; choose another folder with --out, or make this one writable"
+    )]
     Write { path: String, error: String },
     #[error("there is no GPU: {0}")]
     NoGpu(String),
@@ -149,7 +154,11 @@ impl BakeOptions {
 }
 
 /// Bakes with a progress bar on standard error.
-pub fn bake_with_progress(path: &Path, settings: &BakeSettings, context: &BakeContext) -> ToolResult<Baked> {
+pub fn bake_with_progress(
+    path: &Path,
+    settings: &BakeSettings,
+    context: &BakeContext,
+) -> ToolResult<Baked> {
     let bar = ProgressBar::new(1000);
     let style = ProgressStyle::with_template("{prefix:>24} {bar:30} {msg:9} {elapsed}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -201,6 +210,8 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let parts = text.split_once(['x', 'X', '×']).map(|(w, h)| (w.trim().parse(), h.trim().parse()));
     match parts {
         Some((Ok(w), Ok(h))) if (1..=8192).contains(&w) && (1..=8192).contains(&h) => Ok((w, h)),
-        _ => Err(format!("`{text}` is not a size; write WIDTHxHEIGHT in pixels, each 1 to 8192, such as 1280x720")),
+        _ => Err(format!(
+            "`{text}` is not a size; write WIDTHxHEIGHT in pixels, each 1 to 8192, such as 1280x720"
+        )),
     }
 }

@@ -8,10 +8,7 @@ use crate::{
 use bevy::{camera::Projection, prelude::*};
 use bevy_treeline::{
     SplatPath, TreeAsset, TreeImpostor, TreelineCounters, TreelineSettings, ViewCounters,
-    asset::NearMesh,
-    bake::Baked,
-    lod::prefix_count,
-    math::image_error::box_downsample_linear,
+    asset::NearMesh, bake::Baked, lod::prefix_count, math::image_error::box_downsample_linear,
 };
 use image::RgbaImage;
 
@@ -78,7 +75,10 @@ impl Subject {
                 Mesh3d(part.mesh.clone()),
                 MeshMaterial3d(part.material.clone()),
                 Transform::from_translation(center),
-                bevy::camera::primitives::Aabb { center: part.center.into(), half_extents: part.half_extents.into() },
+                bevy::camera::primitives::Aabb {
+                    center: part.center.into(),
+                    half_extents: part.half_extents.into(),
+                },
                 Visibility::Hidden,
             );
             world.spawn(bundle).id()
@@ -118,7 +118,11 @@ impl Subject {
         let image = target(&mut self.app, size.x, size.y);
         let world = self.app.world_mut();
         let show = |world: &mut World, entity: Entity, on: bool| {
-            world.entity_mut(entity).insert(if on { Visibility::Visible } else { Visibility::Hidden });
+            world.entity_mut(entity).insert(if on {
+                Visibility::Visible
+            } else {
+                Visibility::Hidden
+            });
         };
         for entity in self.mesh.clone() {
             show(world, entity, technique == Technique::Mesh);
@@ -131,12 +135,14 @@ impl Subject {
         // The same scale as on the screen that distances refer to, whatever the size of the picture.
         let fov = 2.0 * (0.5 * shot.size.y as f32 / z0()).atan();
         let quality = world.resource::<SubjectQuality>().0;
-        let projection = PerspectiveProjection { fov, near: (shot.distance * 0.01).min(0.1), ..default() };
+        let projection =
+            PerspectiveProjection { fov, near: (shot.distance * 0.01).min(0.1), ..default() };
         let camera = world.spawn((
             scene::plain_camera(),
             render_target(&image),
             Projection::Perspective(projection),
-            Transform::from_translation(self.center + from * shot.distance).looking_at(self.center, Vec3::Y),
+            Transform::from_translation(self.center + from * shot.distance)
+                .looking_at(self.center, Vec3::Y),
             TreelineSettings { quality, ..default() },
         ));
         let camera = camera.id();
@@ -146,7 +152,8 @@ impl Subject {
             step(&mut self.app);
         }
         let picture = capture(&self.app, &image)?;
-        let counters = self.app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default();
+        let counters =
+            self.app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default();
         self.app.world_mut().despawn(camera);
         self.app.world_mut().resource_mut::<Assets<Image>>().remove(&image);
         if supersample == 1 {

@@ -12,8 +12,13 @@ use crate::{
     shaders,
 };
 use bevy::{
-    mesh::{MeshVertexBufferLayout, MeshVertexBufferLayoutRef, MeshVertexBufferLayouts, VertexBufferLayout},
-    pbr::{MATERIAL_BIND_GROUP_INDEX, MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache},
+    mesh::{
+        MeshVertexBufferLayout, MeshVertexBufferLayoutRef, MeshVertexBufferLayouts,
+        VertexBufferLayout,
+    },
+    pbr::{
+        MATERIAL_BIND_GROUP_INDEX, MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache,
+    },
     prelude::*,
     render::{
         camera::ExtractedCamera,
@@ -59,7 +64,10 @@ pub(super) fn init_resolve_pipelines(
     let counters = || storage_buffer_sized(false, NonZeroU64::new(size_of::<GpuCounters>() as u64));
     let classify_layout = BindGroupLayoutDescriptor::new(
         "treeline_classify",
-        &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (settings_binding(), read(), write(), counters())),
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (settings_binding(), read(), write(), counters()),
+        ),
     );
     let size_layout = BindGroupLayoutDescriptor::new(
         "treeline_size_resolve",
@@ -88,7 +96,11 @@ pub(super) fn init_resolve_pipelines(
             (read(), read(), read(), read(), read(), read()),
         ),
     );
-    let no_vertices = VertexBufferLayout { array_stride: 0, step_mode: VertexStepMode::Vertex, attributes: vec![] };
+    let no_vertices = VertexBufferLayout {
+        array_stride: 0,
+        step_mode: VertexStepMode::Vertex,
+        attributes: vec![],
+    };
     commands.insert_resource(ResolvePipeline {
         layout,
         shader: asset_server.load(shaders::RESOLVE),
@@ -143,8 +155,10 @@ pub(super) fn specialize_resolve(
     let Some(pipeline) = pipeline else { return };
     for (entity, view) in &cameras {
         let Some(&key) = view_keys.get(&view.retained_view_entity) else { continue };
-        let topology =
-            MeshPipelineKey::from_primitive_topology_and_strip_index(PrimitiveTopology::TriangleList, None);
+        let topology = MeshPipelineKey::from_primitive_topology_and_strip_index(
+            PrimitiveTopology::TriangleList,
+            None,
+        );
         let id = specialized.specialize(&cache, &pipeline, key | topology);
         commands.entity(entity).insert(ViewResolvePipeline(id));
     }
@@ -190,7 +204,10 @@ pub(super) fn prepare_resolve_groups(
         let size = device.create_bind_group(
             "treeline_size_resolve",
             &cache.get_bind_group_layout(&classify.size_layout),
-            &BindGroupEntries::sequential((view.counters.as_entire_binding(), view.args.as_entire_binding())),
+            &BindGroupEntries::sequential((
+                view.counters.as_entire_binding(),
+                view.args.as_entire_binding(),
+            )),
         );
         let group = device.create_bind_group(
             "treeline_resolve",
@@ -204,7 +221,11 @@ pub(super) fn prepare_resolve_groups(
                 view.blocks.as_entire_binding(),
             )),
         );
-        commands.entity(entity).insert(ResolveGroups { classify: classify_group, size, resolve: group });
+        commands.entity(entity).insert(ResolveGroups {
+            classify: classify_group,
+            size,
+            resolve: group,
+        });
     }
 }
 
@@ -226,9 +247,10 @@ pub(super) fn classify(
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let mut pass = ctx
-        .command_encoder()
-        .begin_compute_pass(&ComputePassDescriptor { label: Some("treeline_classify"), timestamp_writes: None });
+    let mut pass = ctx.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+        label: Some("treeline_classify"),
+        timestamp_writes: None,
+    });
     let span = diagnostics.pass_span(&mut pass, "treeline_classify");
     let blocks = buffers.size.x.div_ceil(RESOLVE_BLOCK) * buffers.size.y.div_ceil(RESOLVE_BLOCK);
     pass.set_pipeline(classify);
@@ -258,7 +280,8 @@ pub(super) fn resolve(
     mut ctx: RenderContext,
 ) {
     let (camera, target, depth, mesh_view, pipeline, trees, groups) = view.into_inner();
-    let (Some(pipeline), Some(buffers)) = (cache.get_render_pipeline(pipeline.0), views.get(trees)) else {
+    let (Some(pipeline), Some(buffers)) = (cache.get_render_pipeline(pipeline.0), views.get(trees))
+    else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
@@ -277,6 +300,9 @@ pub(super) fn resolve(
     pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
     pass.set_bind_group(1, &mesh_view.binding_array, &[]);
     pass.set_bind_group(2, &groups.resolve, &[]);
-    pass.draw_indirect(&buffers.args, std::mem::offset_of!(crate::gpu::types::GpuIndirectArgs, resolve) as u64);
+    pass.draw_indirect(
+        &buffers.args,
+        std::mem::offset_of!(crate::gpu::types::GpuIndirectArgs, resolve) as u64,
+    );
     span.end(&mut pass);
 }

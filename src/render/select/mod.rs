@@ -72,19 +72,24 @@ pub(super) fn init_select_pipelines(
         "treeline_args",
         &BindGroupLayoutEntries::single(ShaderStages::COMPUTE, write()),
     );
-    let pipeline = |entry: &'static str, path: &'static str, layout: Vec<BindGroupLayoutDescriptor>| {
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(format!("treeline_{entry}").into()),
-            layout,
-            shader: asset_server.load(path),
-            shader_defs: constants(),
-            entry_point: Some(entry.into()),
-            ..default()
-        })
-    };
+    let pipeline =
+        |entry: &'static str, path: &'static str, layout: Vec<BindGroupLayoutDescriptor>| {
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(format!("treeline_{entry}").into()),
+                layout,
+                shader: asset_server.load(path),
+                shader_defs: constants(),
+                entry_point: Some(entry.into()),
+                ..default()
+            })
+        };
     commands.insert_resource(SelectPipelines {
         cull_instances: pipeline("cull_instances", shaders::CULL_INSTANCES, vec![layout.clone()]),
-        scan_blocks: pipeline("scan_blocks", shaders::SCAN_BLOCKS, vec![layout.clone(), args_layout.clone()]),
+        scan_blocks: pipeline(
+            "scan_blocks",
+            shaders::SCAN_BLOCKS,
+            vec![layout.clone(), args_layout.clone()],
+        ),
         emit_items: pipeline("emit_items", shaders::EMIT_ITEMS, vec![layout.clone()]),
         layout,
         args_layout,
@@ -166,8 +171,10 @@ pub(super) fn select(
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     encoder.clear_buffer(&buffers.counters, 0, None);
-    let mut pass =
-        encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("treeline_select"), timestamp_writes: None });
+    let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+        label: Some("treeline_select"),
+        timestamp_writes: None,
+    });
     let span = diagnostics.pass_span(&mut pass, "treeline_select");
     let (x, y) = grid(buffers.instance_count.div_ceil(SELECT_WORKGROUP));
     pass.set_bind_group(0, &groups.main, &[view_offset.offset]);

@@ -60,9 +60,13 @@ impl SplatSupport {
         match (requested, missing.is_empty()) {
             (SplatPath::Auto | SplatPath::U64, true) => Self::U64,
             (SplatPath::U32, _) => Self::U32 { reason: "it was asked for".into() },
-            (SplatPath::Auto, false) => Self::U32 { reason: format!("the device lacks {missing:?}") },
+            (SplatPath::Auto, false) => {
+                Self::U32 { reason: format!("the device lacks {missing:?}") }
+            }
             (SplatPath::U64, false) => Self::Off {
-                reason: format!("the 64-bit splat path was asked for, but the device lacks {missing:?}; use `auto` or `u32`"),
+                reason: format!(
+                    "the 64-bit splat path was asked for, but the device lacks {missing:?}; use `auto` or `u32`"
+                ),
             },
         }
     }
@@ -227,12 +231,15 @@ pub(super) fn splat(
     else {
         return;
     };
-    let passes: Option<Vec<_>> = pipelines.passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
+    let passes: Option<Vec<_>> =
+        pipelines.passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
-    let mut pass =
-        encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("treeline_splat"), timestamp_writes: None });
+    let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+        label: Some("treeline_splat"),
+        timestamp_writes: None,
+    });
     let span = diagnostics.pass_span(&mut pass, "treeline_splat");
     pass.set_bind_group(0, &groups.main, &[view_offset.offset]);
     pass.set_pipeline(init);

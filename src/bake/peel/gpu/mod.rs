@@ -6,8 +6,8 @@
 //! back (20 bytes each). Layers are peeled in batches of up to four, so that the CPU waits once a batch.
 //!
 //! Cost: O(layers × (triangles + pixels)) per direction on the GPU; one CPU wait per four layers and tile.
-//! Memory: 145 bytes a triangle, the textures, 32 bytes a pixel of a tile (at most 2048 × 2048) and up to 80 MiB of
-//! records. Needs no optional feature of WebGPU. Runs on any thread, outside frames, also on a device that draws frames.
+//! Memory: 145 bytes a triangle, the textures, 24 bytes a pixel of a tile (at most 2048 × 2048) and twice up to 80 MiB
+//! of records. Needs no optional feature of WebGPU. Runs on any thread, outside frames, also on a device that draws frames.
 //!
 //! `upload` puts the model on the GPU, `targets` holds what a tile is peeled into, `tile` peels one, `readback` waits
 //! and decodes, `pipelines` compiles `shaders/bake/peel.wgsl`.
@@ -26,6 +26,8 @@ mod tile;
 mod triangles;
 mod upload;
 
+#[cfg(test)]
+mod parity_tests;
 #[cfg(test)]
 mod tests;
 
@@ -110,24 +112,20 @@ impl GpuPeeler {
     pub fn new(device: wgpu::Device, queue: wgpu::Queue) -> Result<Self, GpuPeelError> {
         let adapter = device.adapter_info().name;
         let limits = device.limits();
+        let wgpu::Limits {
+            max_storage_buffers_per_shader_stage: storage_buffers,
+            max_compute_invocations_per_workgroup: invocations,
+            max_compute_workgroup_size_x: workgroup,
+            max_color_attachment_bytes_per_sample: color_bytes,
+            max_bind_groups: bind_groups,
+            ..
+        } = limits;
         let needs = [
-            (
-                "max_storage_buffers_per_shader_stage",
-                limits.max_storage_buffers_per_shader_stage,
-                4,
-            ),
-            (
-                "max_compute_invocations_per_workgroup",
-                limits.max_compute_invocations_per_workgroup,
-                256,
-            ),
-            ("max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x, 256),
-            (
-                "max_color_attachment_bytes_per_sample",
-                limits.max_color_attachment_bytes_per_sample,
-                16,
-            ),
-            ("max_bind_groups", limits.max_bind_groups, 4),
+            ("max_storage_buffers_per_shader_stage", storage_buffers, 4),
+            ("max_compute_invocations_per_workgroup", invocations, pipelines::BLOCK),
+            ("max_compute_workgroup_size_x", workgroup, pipelines::BLOCK),
+            ("max_color_attachment_bytes_per_sample", color_bytes, 16),
+            ("max_bind_groups", bind_groups, 4),
         ];
         for (limit, have, need) in needs {
             if have < need {
@@ -157,7 +155,8 @@ impl GpuPeeler {
 
     /// Peels `model` from every viewport's direction. `progress` is called with growing shares, 0 to 1.
     ///
-    /// The same model, settings and adapter give the same output. A viewport without extent (a model without area)
+    /// The same model, settings and adapter give the same output. Fragments of one pixel with equal depth count once, the
+    /// first in model order; in `left_over` each counts. A viewport without extent (a model without area)
     /// has no layers.
     ///
     /// # Errors

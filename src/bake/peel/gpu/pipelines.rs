@@ -3,8 +3,6 @@
 use bytemuck::{Pod, Zeroable};
 use std::sync::OnceLock;
 
-const PEEL_SHADER: &str = include_str!("../../../../shaders/bake/peel.wgsl");
-
 /// Pixels per workgroup of the compaction: `BLOCK` in the shader.
 pub(super) const BLOCK: u32 = 256;
 /// Share of the depth range left free at both ends: `DEPTH_MARGIN` in the shader.
@@ -74,7 +72,7 @@ impl PeelPipelines {
         use wgpu::ShaderStages as Stages;
         let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("peel"),
-            source: wgpu::ShaderSource::Wgsl(PEEL_SHADER.into()),
+            source: wgpu::ShaderSource::Wgsl(crate::shaders::source(crate::shaders::PEEL).into()),
         });
         let layout = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
             device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {

@@ -3,11 +3,14 @@
 //! In: model and directions; out: exact face normal, material and keeping direction per triangle, in model order (mesh
 //! by mesh). O(triangles × directions); 17 bytes a triangle.
 
-use crate::bake::{
-    peel::{PeelDirection, most_parallel},
-    source::{SourceMesh, SourceModel},
+use crate::{
+    bake::{
+        peel::{PeelDirection, most_parallel},
+        source::{SourceMesh, SourceModel},
+    },
+    math::triangle::normal_and_area,
 };
-use bevy::math::{DVec3, Vec3};
+use bevy::math::Vec3;
 
 /// Columns of one row per triangle.
 #[derive(Debug, Default)]
@@ -54,7 +57,9 @@ impl TriangleTable {
                 ));
             }
             for triangle in &mesh.triangles {
-                let normal = corner_positions(mesh, *triangle).map_or(Vec3::ZERO, face_normal);
+                let normal = corner_positions(mesh, *triangle)
+                    .and_then(|[a, b, c]| normal_and_area(a, b, c))
+                    .map_or(Vec3::ZERO, |(n, _)| n);
                 table.face_normals.push(normal);
                 table.materials.push(material);
                 table.directions.push(most_parallel(directions, normal) as u8);
@@ -69,12 +74,4 @@ pub(super) fn corner_positions(mesh: &SourceMesh, triangle: [u32; 3]) -> Option<
     let corner = |i: u32| mesh.positions.get(i as usize).copied().filter(|p| p.is_finite());
     let [a, b, c] = triangle;
     Some([corner(a)?, corner(b)?, corner(c)?])
-}
-
-/// Unit normal on the winding's front side, zero without area. In `f64`, so that tiny triangles keep theirs.
-fn face_normal(corners: [Vec3; 3]) -> Vec3 {
-    let [a, b, c]: [DVec3; 3] = corners.map(Vec3::as_dvec3);
-    let cross = (b - a).cross(c - a);
-    let length = cross.length();
-    if length > 0.0 && length.is_finite() { (cross / length).as_vec3() } else { Vec3::ZERO }
 }

@@ -65,7 +65,10 @@ pub struct FlyArgs {
 
 /// The trees of this project, next to the binary's sources or the working folder.
 fn default_trees() -> ToolResult<Vec<PathBuf>> {
-    let candidates = [PathBuf::from("assets/trees"), PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/trees")];
+    let candidates = [
+        PathBuf::from("assets/trees"),
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/trees"),
+    ];
     for folder in &candidates {
         let Ok(entries) = std::fs::read_dir(folder) else { continue };
         let mut trees: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
@@ -83,12 +86,19 @@ fn default_trees() -> ToolResult<Vec<PathBuf>> {
 }
 
 pub fn run(args: &FlyArgs) -> ToolResult {
-    let check = |ok: bool, what: &str| if ok { Ok(()) } else { Err(ToolError::Message(what.to_owned())) };
+    let check =
+        |ok: bool, what: &str| if ok { Ok(()) } else { Err(ToolError::Message(what.to_owned())) };
     check(args.frames > 0, "--frames 0 would write nothing: give 1 or more")?;
     check(args.count > 0, "--count 0 is no forest: give 1 or more")?;
     let side = args.side;
-    check(side.is_finite() && (50.0..=16_000.0).contains(&side), "--side must be 50 to 16000 metres")?;
-    check(args.height.is_finite() && args.height >= 0.0, "--height must be 0 (as modelled) or a height in metres")?;
+    check(
+        side.is_finite() && (50.0..=16_000.0).contains(&side),
+        "--side must be 50 to 16000 metres",
+    )?;
+    check(
+        args.height.is_finite() && args.height >= 0.0,
+        "--height must be 0 (as modelled) or a height in metres",
+    )?;
     let fits = args.quality.is_finite() && (0.05..=16.0).contains(&args.quality);
     check(fits, "--quality must be 0.05 to 16")?;
     let files = if args.trees.is_empty() { default_trees()? } else { args.trees.clone() };

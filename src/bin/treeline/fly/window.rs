@@ -30,14 +30,18 @@ struct Pilot {
 }
 
 pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
-    println!("Space: pause · F: fly yourself (WASD, Q and E, right mouse, wheel: speed) · + and -: quality · F12: screenshot · Esc: quit");
+    println!(
+        "Space: pause · F: fly yourself (WASD, Q and E, right mouse, wheel: speed) · + and -: quality · F12: screenshot · Esc: quit"
+    );
     let window = Window { title: "treeline fly".into(), resolution: args.size.into(), ..default() };
     let mut app = App::new();
-    app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin)).add_plugins(TreelinePlugin {
-        splat_path: args.splat_path.into(),
-        cache: CacheLocation::Off,
-        ..default()
-    });
+    app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin)).add_plugins(
+        TreelinePlugin {
+            splat_path: args.splat_path.into(),
+            cache: CacheLocation::Off,
+            ..default()
+        },
+    );
     world::build(app.world_mut(), args, baked)?;
     let start = world::place(app.world().resource::<world::Flight>(), args.start);
     app.world_mut().spawn((world::camera(args), start));
@@ -67,8 +71,11 @@ fn keys(
     if keys.just_pressed(KeyCode::KeyF) {
         pilot.free = !pilot.free;
     }
-    let step = i32::from(keys.just_pressed(KeyCode::Equal) || keys.just_pressed(KeyCode::NumpadAdd))
-        - i32::from(keys.just_pressed(KeyCode::Minus) || keys.just_pressed(KeyCode::NumpadSubtract));
+    let step =
+        i32::from(keys.just_pressed(KeyCode::Equal) || keys.just_pressed(KeyCode::NumpadAdd))
+            - i32::from(
+                keys.just_pressed(KeyCode::Minus) || keys.just_pressed(KeyCode::NumpadSubtract),
+            );
     if step != 0 {
         for mut settings in &mut settings {
             settings.quality = (settings.quality * 1.25f32.powi(step)).clamp(0.05, 16.0);
@@ -114,7 +121,8 @@ fn fly(
         let pitch = (pitch - motion.delta.y * 0.003).clamp(-1.54, 1.54);
         camera.rotation = Quat::from_euler(EulerRot::YXZ, yaw - motion.delta.x * 0.003, pitch, 0.0);
     }
-    let axis = |plus, minus| f32::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)));
+    let axis =
+        |plus, minus| f32::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)));
     let local = Vec3::new(
         axis(KeyCode::KeyD, KeyCode::KeyA),
         axis(KeyCode::KeyE, KeyCode::KeyQ),

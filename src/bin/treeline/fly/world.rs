@@ -40,8 +40,10 @@ pub fn build(world: &mut World, args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(soil);
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Name::new("ground")));
 
-    let settings = ScatterSettings { count: args.count, species: baked.len(), seed: args.seed, ..default() };
-    let places = scatter(&field, &settings).map_err(|error| ToolError::Message(error.to_string()))?;
+    let settings =
+        ScatterSettings { count: args.count, species: baked.len(), seed: args.seed, ..default() };
+    let places =
+        scatter(&field, &settings).map_err(|error| ToolError::Message(error.to_string()))?;
     // Models of any unit: the tallest gets the height asked for, and the ground is sized in metres.
     let tallest = baked.iter().map(|b| b.data.bounds.extent().y).fold(0.0f32, f32::max);
     let unit = if args.height > 0.0 && tallest > 0.0 { args.height / tallest } else { 1.0 };
@@ -70,13 +72,20 @@ pub fn camera(args: &FlyArgs) -> impl Bundle {
         scene::plain_camera(),
         // Trees behind hills and near meshes are rejected point by point, and hidden ground is not shaded.
         DepthPrepass,
-        Projection::Perspective(PerspectiveProjection { fov: std::f32::consts::FRAC_PI_4 * 1.15, ..default() }),
+        Projection::Perspective(PerspectiveProjection {
+            fov: std::f32::consts::FRAC_PI_4 * 1.15,
+            ..default()
+        }),
         DistanceFog {
             color: scene::SKY,
             falloff: FogFalloff::from_visibility_squared(args.side * 1.6),
             ..default()
         },
-        TreelineSettings { quality: args.quality, min_mesh_distance: args.mesh_distance, ..default() },
+        TreelineSettings {
+            quality: args.quality,
+            min_mesh_distance: args.mesh_distance,
+            ..default()
+        },
     )
 }
 

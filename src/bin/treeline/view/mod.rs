@@ -82,9 +82,11 @@ fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
     for (name, distance, azimuth, elevation) in shots {
         let size = subject.fitting_size(distance);
         let shot = Shot { distance, azimuth, elevation, size };
-        for (technique, label) in
-            [(Technique::Mesh, "mesh"), (Technique::Points, "points"), (Technique::Crossfade, "as in a game")]
-        {
+        for (technique, label) in [
+            (Technique::Mesh, "mesh"),
+            (Technique::Points, "points"),
+            (Technique::Crossfade, "as in a game"),
+        ] {
             let (mut picture, counters) = subject.render(technique, shot, 1)?;
             picture.pixels_mut().for_each(|p| p[3] = 255);
             let count = match technique {

@@ -13,7 +13,8 @@ use bevy::{
     window::PrimaryWindow,
 };
 use bevy_treeline::{
-    CacheLocation, LodState, SplatPath, TreeImpostor, TreelinePlugin, TreelineSettings, asset::NearMesh, bake::Baked,
+    CacheLocation, LodState, SplatPath, TreeImpostor, TreelinePlugin, TreelineSettings,
+    asset::NearMesh, bake::Baked,
 };
 use std::path::{Path, PathBuf};
 
@@ -40,14 +41,14 @@ struct Sample {
 }
 
 pub fn run(baked: &Baked, splat_path: SplatPath, quality: f32, out: &Path) -> ToolResult {
-    println!("drag: turn · wheel: distance · P: points only / as in a game · + and -: quality · F12: screenshot · Esc: quit");
-    let window = Window { title: "treeline view".into(), resolution: (1280, 720).into(), ..default() };
+    println!(
+        "drag: turn · wheel: distance · P: points only / as in a game · + and -: quality · F12: screenshot · Esc: quit"
+    );
+    let window =
+        Window { title: "treeline view".into(), resolution: (1280, 720).into(), ..default() };
     let mut app = App::new();
-    app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin)).add_plugins(TreelinePlugin {
-        splat_path,
-        cache: CacheLocation::Off,
-        ..default()
-    });
+    app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin))
+        .add_plugins(TreelinePlugin { splat_path, cache: CacheLocation::Off, ..default() });
     app.insert_resource(ClearColor(scene::SKY)).insert_resource(Shots(out.to_path_buf()));
     let world = app.world_mut();
     scene::add_light(world, 0.0);
@@ -59,7 +60,10 @@ pub fn run(baked: &Baked, splat_path: SplatPath, quality: f32, out: &Path) -> To
             Mesh3d(part.mesh.clone()),
             MeshMaterial3d(part.material.clone()),
             Transform::from_translation(center),
-            bevy::camera::primitives::Aabb { center: part.center.into(), half_extents: part.half_extents.into() },
+            bevy::camera::primitives::Aabb {
+                center: part.center.into(),
+                half_extents: part.half_extents.into(),
+            },
             RenderLayers::layer(1),
         ));
     }
@@ -83,7 +87,11 @@ pub fn run(baked: &Baked, splat_path: SplatPath, quality: f32, out: &Path) -> To
             scene::plain_camera(),
             Camera {
                 order: order as isize,
-                clear_color: if order == 0 { ClearColorConfig::Default } else { ClearColorConfig::None },
+                clear_color: if order == 0 {
+                    ClearColorConfig::Default
+                } else {
+                    ClearColorConfig::None
+                },
                 ..default()
             },
             Projection::Perspective(PerspectiveProjection { near: near_plane, ..default() }),
@@ -114,7 +122,8 @@ fn turn(
     let (sin, cos) = orbit.elevation.sin_cos();
     let from = Vec3::new(cos * orbit.azimuth.sin(), sin, cos * orbit.azimuth.cos());
     for mut camera in &mut cameras {
-        *camera = Transform::from_translation(orbit.center + from * orbit.distance).looking_at(orbit.center, Vec3::Y);
+        *camera = Transform::from_translation(orbit.center + from * orbit.distance)
+            .looking_at(orbit.center, Vec3::Y);
     }
 }
 
@@ -131,12 +140,18 @@ fn keys(
     if keys.just_pressed(KeyCode::KeyP) {
         *points_only = !*points_only;
         for (sample, mut visibility) in &mut samples {
-            *visibility =
-                if sample.crossfade == *points_only { Visibility::Hidden } else { Visibility::Visible };
+            *visibility = if sample.crossfade == *points_only {
+                Visibility::Hidden
+            } else {
+                Visibility::Visible
+            };
         }
     }
-    let step = i32::from(keys.just_pressed(KeyCode::Equal) || keys.just_pressed(KeyCode::NumpadAdd))
-        - i32::from(keys.just_pressed(KeyCode::Minus) || keys.just_pressed(KeyCode::NumpadSubtract));
+    let step =
+        i32::from(keys.just_pressed(KeyCode::Equal) || keys.just_pressed(KeyCode::NumpadAdd))
+            - i32::from(
+                keys.just_pressed(KeyCode::Minus) || keys.just_pressed(KeyCode::NumpadSubtract),
+            );
     if step != 0 {
         for mut settings in &mut settings {
             settings.quality = (settings.quality * 1.25f32.powi(step)).clamp(0.05, 16.0);
@@ -174,7 +189,8 @@ fn split(window: Single<&Window, With<PrimaryWindow>>, mut cameras: Query<(&mut 
             ..default()
         };
         let same = |v: &Viewport| {
-            v.physical_position == viewport.physical_position && v.physical_size == viewport.physical_size
+            v.physical_position == viewport.physical_position
+                && v.physical_size == viewport.physical_size
         };
         if !camera.viewport.as_ref().is_some_and(same) {
             camera.viewport = Some(viewport);
