@@ -96,10 +96,14 @@ mod tests {
         RgbaImage::from_fn(64, 48, |x, y| Rgba([(x * 4) as u8, (y * 5) as u8, 90, 255]))
     }
 
+    fn whole(image: &RgbaImage) -> CropRect {
+        CropRect { x: 0, y: 0, width: image.width(), height: image.height() }
+    }
+
     #[test]
     fn equal_images_differ_nowhere() {
         let image = gradient();
-        let report = flip(&image, &image, CropRect::of(&image)).expect("sizes fit");
+        let report = flip(&image, &image, whole(&image)).expect("sizes fit");
         assert_eq!((report.mean, report.p95), (0.0, 0.0));
         assert_eq!(report.error_map.dimensions(), (64, 48));
         assert!(
@@ -129,7 +133,7 @@ mod tests {
     #[test]
     fn what_cannot_be_compared_is_an_error() {
         let (image, other) = (gradient(), RgbaImage::new(64, 47));
-        let sizes = flip(&image, &other, CropRect::of(&image)).err().expect("sizes differ");
+        let sizes = flip(&image, &other, whole(&image)).err().expect("sizes differ");
         assert_eq!(sizes, FlipError::Sizes(64, 48, 64, 47));
         for (x, width) in [(0, 0), (60, 5), (u32::MAX, 2)] {
             let crop = CropRect { x, y: 0, width, height: 1 };
