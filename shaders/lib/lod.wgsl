@@ -1,6 +1,9 @@
 // Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size}.rs, statement for statement.
 #define_import_path bevy_treeline::lod
 
+const PI: f32 = 3.14159265;
+const CLOSED_OVERLAP: f32 = 1.57079633;
+
 struct FadeBand {
     near: f32,
     middle: f32,
@@ -41,11 +44,14 @@ fn fade_state(band: FadeBand, d: f32) -> FadeState {
     return FadeState(1.0 - ramp(d, band.middle, band.far), ramp(d, band.near, band.middle));
 }
 
-fn disc_radius(area: f32, n: f32, leaf_area: f32, overlap_gain: f32) -> f32 {
-    let a = area / max(n, 1e-6);
-    var closed = 1.0;
-    if leaf_area > 0.0 {
-        closed = 1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a));
+fn disc_radius(area: f32, n: f32) -> f32 {
+    return sqrt(area / max(n, 1e-6) / PI);
+}
+
+fn overlap(radius: f32, leaf_area: f32, is_leaf: bool, gain: f32) -> f32 {
+    if !is_leaf || leaf_area <= 0.0 {
+        return CLOSED_OVERLAP;
     }
-    return sqrt((1.0 + overlap_gain * closed) * a / 3.14159265);
+    let a = PI * radius * radius;
+    return 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
 }

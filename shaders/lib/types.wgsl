@@ -21,7 +21,7 @@ struct Species {
     pixel: f32,
     surface_area: f32,
     mean_leaf_area: f32,
-    pad: u32,
+    sample_share: f32,
 }
 
 struct TreeInstance {

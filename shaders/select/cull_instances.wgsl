@@ -61,12 +61,17 @@ fn select_instance(index: u32) -> InstanceDraw {
     }
     // The splat size follows the prefix before fading: points leave, they do not grow.
     let scale2 = instance.scale * instance.scale;
-    let radius = disc_radius(kind.surface_area * scale2, n, kind.mean_leaf_area * scale2, settings.overlap_gain);
+    let radius = disc_radius(kind.surface_area * scale2, n);
     return InstanceDraw(min(count, kind.point_count), radius);
 }
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    // Workgroup memory is not cleared for us.
+    if lane == 0u {
+        atomicStore(&group_items, 0u);
+    }
+    workgroupBarrier();
     let block = block_index(group, groups);
     let index = block * WORKGROUP + lane;
     if index < settings.instance_count {

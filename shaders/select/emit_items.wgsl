@@ -18,6 +18,10 @@ fn emit_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
         own = item_count(draws[begin + lane].count);
     }
     first_item[lane] = own;
+    // Workgroup memory is not cleared for us.
+    if lane == 0u {
+        atomicStore(&group_points, 0u);
+    }
     workgroupBarrier();
     // Inclusive scan (Hillis and Steele 1986): log2(256) steps.
     for (var step = 1u; step < WORKGROUP; step <<= 1u) {

@@ -4,6 +4,7 @@
 #define_import_path bevy_treeline::project
 
 #import bevy_treeline::instance::{rotate, rotation_of, species_of}
+#import bevy_treeline::lod::overlap
 #import bevy_treeline::splat_bindings::{instances, items, settings, species, surfels_hot, view}
 #import bevy_treeline::surfel::{surfel_face_normal, surfel_is_one_sided, surfel_position}
 
@@ -22,6 +23,8 @@ struct Splat {
     center: vec3<f32>,
     normal: vec3<f32>,
     plane: f32,
+    // Peeling direction, along which the splat is a disc; 0: it is one in its own plane.
+    axis: vec3<f32>,
     radius_squared: f32,
     // Pixel of the centre, and world units per pixel there.
     pixel: vec2<f32>,
@@ -41,7 +44,8 @@ fn project(item_index: u32, lane: u32) -> Splat {
     let rotation = rotation_of(instance);
     let model = surfel_position(surfel.position_xy, surfel.position_z_face, kind.lo, kind.extent);
     let world = instance.position + rotate(rotation, model * instance.scale);
-    let face = rotate(rotation, surfel_face_normal(surfel.position_z_face));
+    let model_face = surfel_face_normal(surfel.position_z_face);
+    let face = rotate(rotation, model_face);
 
     let clip = view.clip_from_world * vec4(world, 1.0);
     // In front of the near plane: reversed z puts it at depth 1.
@@ -51,7 +55,8 @@ fn project(item_index: u32, lane: u32) -> Splat {
     let orthographic = settings.orthographic != 0u;
     let to_eye = select(normalize(view.world_position - world), view.world_from_view[2].xyz, orthographic);
     let facing = dot(face, to_eye);
-    if abs(facing) < EDGE_ON || (facing < 0.0 && surfel_is_one_sided(surfel.position_z_face)) {
+    let one_sided = surfel_is_one_sided(surfel.position_z_face);
+    if abs(facing) < EDGE_ON || (facing < 0.0 && one_sided) {
         return splat;
     }
     let ndc = clip.xyz / clip.w;
@@ -61,10 +66,27 @@ fn project(item_index: u32, lane: u32) -> Splat {
     splat.center = (view.view_from_world * vec4(world, 1.0)).xyz;
     splat.normal = (view.view_from_world * vec4(face, 0.0)).xyz;
     splat.plane = dot(splat.normal, splat.center);
-    splat.radius_squared = item.radius * item.radius;
+    let leaf_area = kind.mean_leaf_area * instance.scale * instance.scale;
+    var radius_squared = item.radius * item.radius * overlap(item.radius, leaf_area, !one_sided, settings.overlap_gain);
+    var radius = sqrt(radius_squared);
+    // A point stands for what an LDI pixel hits: a disc as seen along the peeling direction, the one its face is most
+    // parallel to; on a slanted face it is longer that way.
+    if kind.sample_share > 0.0 {
+        let steep = abs(model_face);
+        var axis = vec3(0.0, 0.0, 1.0);
+        if steep.x >= steep.y && steep.x >= steep.z {
+            axis = vec3(1.0, 0.0, 0.0);
+        } else if steep.y >= steep.z {
+            axis = vec3(0.0, 1.0, 0.0);
+        }
+        radius_squared *= kind.sample_share;
+        radius = sqrt(radius_squared) / dot(steep, axis);
+        splat.axis = (view.view_from_world * vec4(rotate(rotation, axis), 0.0)).xyz;
+    }
+    splat.radius_squared = radius_squared;
     // A disc's outline reaches its radius only across the direction it leans to, but perspective stretches it away
     // from the axis: bound it by the stretch of a sphere.
-    var reach = item.radius / splat.unit;
+    var reach = radius / splat.unit;
     if settings.splat_shape == 0u {
         let axis = splat.center / max(-splat.center.z, 1e-6);
         reach *= select(length(axis), 1.0, orthographic) * (1.0 + reach / settings.pixels_per_unit);
@@ -93,5 +115,6 @@ fn covers(splat: Splat, at: vec2<i32>) -> bool {
     } else {
         d = on_plane * (splat.plane / dot(splat.normal, on_plane)) - splat.center;
     }
-    return dot(d, d) <= splat.radius_squared;
+    let along_axis = dot(d, splat.axis);
+    return dot(d, d) - along_axis * along_axis <= splat.radius_squared;
 }

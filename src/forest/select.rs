@@ -124,12 +124,7 @@ pub fn select_instance(
     let radius = if count == 0 {
         0.0
     } else {
-        disc_radius(
-            shape.surface_area * scale2,
-            n,
-            shape.mean_leaf_area * scale2,
-            settings.overlap_gain,
-        )
+        disc_radius(shape.surface_area * scale2, n)
     };
     Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count, radius } }
 }
@@ -178,7 +173,7 @@ mod tests {
 
     #[test]
     fn points_cover_the_same_area_at_every_distance() {
-        let settings = TreelineSettings { overlap_gain: 0.0, ..Default::default() };
+        let settings = TreelineSettings::default();
         let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
         for d in [30.0, 60.0, 120.0, 500.0, 1500.0] {
             let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -d)).with_scale(1.0);

@@ -39,7 +39,7 @@ pub struct TreelineSettings {
     pub fade_width: f32,
     /// How much the distance of that band differs between instances, as a share, 0 to 0.9. Default: 0.15.
     pub fade_jitter: f32,
-    /// Overlap of the discs of a leaf, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.5.
+    /// Overlap of the discs of a leaf, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.25.
     pub overlap_gain: f32,
     /// Shape of the splats. Default: discs.
     pub splat_shape: SplatShape,
@@ -79,7 +79,7 @@ impl TreelineSettings {
         clamp(&mut out.min_mesh_distance, 0.0, 1e6, 15.0, "min_mesh_distance");
         clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
-        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.5, "overlap_gain");
+        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.25, "overlap_gain");
         clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
         (out, moved)
     }

@@ -35,8 +35,9 @@ gpu_types! {
         pub surface_area: f32,
         /// `L`, 0 without leaves.
         pub mean_leaf_area: f32,
-        /// Zero.
-        pub pad: u32,
+        /// `N0 s² / A`: the mean share of its area that a point shows to its peeling direction; 0 if it was peeled
+        /// from more directions than X, Y and Z.
+        pub sample_share: f32,
     }
 
     /// One tree: 32 bytes.

@@ -9,6 +9,7 @@ use crate::{
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
 };
+use bevy_treeline::{SplatShape, TreelineSettings};
 use bevy_treeline::math::image_error::{block_rmse, coverage_error};
 use clap::Args;
 use image::RgbaImage;
@@ -30,8 +31,14 @@ pub struct CompareArgs {
     #[arg(long, default_value = "out/compare")]
     out: PathBuf,
     /// q: points per pixel of surface.
-    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality)]
+    #[arg(long, default_value_t = TreelineSettings::default().quality)]
     quality: f32,
+    /// Overlap of the discs of a leaf, 0 to 1.
+    #[arg(long, default_value_t = TreelineSettings::default().overlap_gain)]
+    overlap: f32,
+    /// Screen-aligned squares instead of oriented discs.
+    #[arg(long)]
+    squares: bool,
     /// Samples of the reference along each side of a pixel (4: 16 samples).
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(4..=8))]
     supersample: u32,
@@ -104,6 +111,8 @@ fn errors(reference: &RgbaImage, test: &RgbaImage, crop: CropRect) -> ToolResult
     let block = block_rmse(&a, &b, crop.width, crop.height, 16).map_err(|e| message(&e))?;
     let alpha = |image: &RgbaImage| image.pixels().map(|p| p[3]).collect::<Vec<_>>();
     let coverage = coverage_error(alpha(&a), alpha(&b));
+    let sum = |image: &RgbaImage| image.pixels().map(|p| f64::from(p[3])).sum::<f64>();
+    eprintln!("signed {:+.2} %", (sum(&a) / sum(&b) - 1.0) * 100.0);
     Ok(Errors { mean: report.mean, p95: report.p95, block, coverage, map: report.error_map })
 }
 
@@ -115,7 +124,13 @@ pub fn run(args: &CompareArgs) -> ToolResult {
     }
     make_folder(&args.out)?;
     let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
-    let mut subject = Subject::new(&baked, args.splat_path.into(), args.quality)?;
+    let settings = TreelineSettings {
+        quality: args.quality,
+        overlap_gain: args.overlap,
+        splat_shape: if args.squares { SplatShape::Squares } else { SplatShape::Discs },
+        ..Default::default()
+    };
+    let mut subject = Subject::new(&baked, args.splat_path.into(), settings)?;
     let d0 = subject.d0;
     let distances = if args.distances.is_empty() {
         [0.5, 1.0, 2.0, 4.0, 8.0].map(|k| k * d0).to_vec()

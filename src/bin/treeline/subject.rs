@@ -61,13 +61,13 @@ pub fn z0() -> f32 {
 
 impl Subject {
     /// A scene around a baked tree.
-    pub fn new(baked: &Baked, splat_path: SplatPath, quality: f32) -> ToolResult<Self> {
+    pub fn new(baked: &Baked, splat_path: SplatPath, settings: TreelineSettings) -> ToolResult<Self> {
         let mut app = headless_app(splat_path)?;
         let world = app.world_mut();
         scene::add_light(world, 0.0);
         // Alpha 0 where nothing is drawn, so that pictures carry their coverage.
         world.insert_resource(ClearColor(scene::SKY.with_alpha(0.0)));
-        world.insert_resource(SubjectQuality(quality));
+        world.insert_resource(SubjectSettings(settings));
         let center = baked.data.bounds.center();
         let near: NearMesh = scene::add_near_mesh(world, baked);
         let mesh = near.parts.iter().map(|part| {
@@ -134,7 +134,7 @@ impl Subject {
         let from = Vec3::new(cos * shot.azimuth.sin(), sin, cos * shot.azimuth.cos());
         // The same scale as on the screen that distances refer to, whatever the size of the picture.
         let fov = 2.0 * (0.5 * shot.size.y as f32 / z0()).atan();
-        let quality = world.resource::<SubjectQuality>().0;
+        let settings = world.resource::<SubjectSettings>().0.clone();
         let projection =
             PerspectiveProjection { fov, near: (shot.distance * 0.01).min(0.1), ..default() };
         let camera = world.spawn((
@@ -143,7 +143,7 @@ impl Subject {
             Projection::Perspective(projection),
             Transform::from_translation(self.center + from * shot.distance)
                 .looking_at(self.center, Vec3::Y),
-            TreelineSettings { quality, ..default() },
+            settings,
         ));
         let camera = camera.id();
         // Assets upload, near meshes warm up, counters come back.
@@ -166,5 +166,5 @@ impl Subject {
     }
 }
 
-#[derive(Resource, Clone, Copy)]
-struct SubjectQuality(f32);
+#[derive(Resource, Clone)]
+struct SubjectSettings(TreelineSettings);

@@ -66,7 +66,8 @@ pub fn run(args: &ViewArgs) -> ToolResult {
 /// Turntable and distance sweep, mesh and points side by side.
 fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
     make_folder(&args.out)?;
-    let mut subject = Subject::new(baked, args.splat_path.into(), args.quality)?;
+    let settings = bevy_treeline::TreelineSettings { quality: args.quality, ..Default::default() };
+    let mut subject = Subject::new(baked, args.splat_path.into(), settings)?;
     let d0 = subject.d0;
     let mut shots = vec![];
     for turn in 0..4 {
