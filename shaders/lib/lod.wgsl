@@ -2,7 +2,7 @@
 #define_import_path bevy_treeline::lod
 
 const PI: f32 = 3.14159265;
-const CLOSED_OVERLAP: f32 = 1.57079633;
+const CLOSED_DISC_OVERLAP: f32 = 1.57079633;
 
 struct FadeBand {
     near: f32,
@@ -48,9 +48,9 @@ fn disc_radius(area: f32, n: f32) -> f32 {
     return sqrt(area / max(n, 1e-6) / PI);
 }
 
-fn overlap(radius: f32, leaf_area: f32, is_leaf: bool, gain: f32) -> f32 {
+fn overlap(radius: f32, leaf_area: f32, is_leaf: bool, gain: f32, is_cell: bool) -> f32 {
     if !is_leaf || leaf_area <= 0.0 {
-        return CLOSED_OVERLAP;
+        return select(CLOSED_DISC_OVERLAP, 1.0 + gain, is_cell);
     }
     let a = PI * radius * radius;
     return 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));

@@ -1,15 +1,17 @@
-// A point of a work item on the screen: an oriented disc (or a square, for debugging) and the pixels it may touch.
-//
-// CPU twin: src/forest/splat.rs.
+// A point of a work item on the screen: a piece of the surface (or a screen-aligned square, for debugging) and the
+// pixels it may touch.
 #define_import_path bevy_treeline::project
 
 #import bevy_treeline::instance::{rotate, rotation_of, species_of}
-#import bevy_treeline::lod::overlap
+#import bevy_treeline::lod::{PI, overlap}
 #import bevy_treeline::splat_bindings::{instances, items, settings, species, surfels_hot, view}
 #import bevy_treeline::surfel::{surfel_face_normal, surfel_is_one_sided, surfel_position}
 
-// Below this cosine between view and normal a disc is a line, and its plane no use.
+// Below this cosine between view and normal a splat is a line, and its plane no use.
 const EDGE_ON: f32 = 0.02;
+// `SelectSettings.splat_shape`.
+const CELLS: u32 = 0u;
+const DISCS: u32 = 1u;
 
 struct Splat {
     // False: nothing to draw.
@@ -23,9 +25,11 @@ struct Splat {
     center: vec3<f32>,
     normal: vec3<f32>,
     plane: f32,
-    // Peeling direction, along which the splat is a disc; 0: it is one in its own plane.
-    axis: vec3<f32>,
-    radius_squared: f32,
+    // View space: the sides of an LDI pixel. Both 0: the splat is a disc in its own plane.
+    right: vec3<f32>,
+    up: vec3<f32>,
+    // Half the side of a cell, or the squared radius of a disc.
+    size: f32,
     // Pixel of the centre, and world units per pixel there.
     pixel: vec2<f32>,
     unit: f32,
@@ -66,12 +70,16 @@ fn project(item_index: u32, lane: u32) -> Splat {
     splat.center = (view.view_from_world * vec4(world, 1.0)).xyz;
     splat.normal = (view.view_from_world * vec4(face, 0.0)).xyz;
     splat.plane = dot(splat.normal, splat.center);
+
     let leaf_area = kind.mean_leaf_area * instance.scale * instance.scale;
-    var radius_squared = item.radius * item.radius * overlap(item.radius, leaf_area, !one_sided, settings.overlap_gain);
-    var radius = sqrt(radius_squared);
-    // A point stands for what an LDI pixel hits: a disc as seen along the peeling direction, the one its face is most
-    // parallel to; on a slanted face it is longer that way.
-    if kind.sample_share > 0.0 {
+    let shape = select(settings.splat_shape, DISCS, settings.splat_shape == CELLS && kind.sample_share == 0.0);
+    let grown = overlap(item.radius, leaf_area, !one_sided, settings.overlap_gain, shape == CELLS);
+    // Area of the splat; of a cell, as seen along the peeling direction.
+    var area = PI * item.radius * item.radius * grown;
+    var reach = sqrt(area / PI);
+    if shape == CELLS {
+        // A point stands for what an LDI pixel hits: the piece of the surface that is a square as seen along the
+        // peeling direction, which is the one its face is most parallel to. On a slanted face it is longer that way.
         let steep = abs(model_face);
         var axis = vec3(0.0, 0.0, 1.0);
         if steep.x >= steep.y && steep.x >= steep.z {
@@ -79,31 +87,31 @@ fn project(item_index: u32, lane: u32) -> Splat {
         } else if steep.y >= steep.z {
             axis = vec3(0.0, 1.0, 0.0);
         }
-        radius_squared *= kind.sample_share;
-        radius = sqrt(radius_squared) / dot(steep, axis);
-        splat.axis = (view.view_from_world * vec4(rotate(rotation, axis), 0.0)).xyz;
-    }
-    splat.radius_squared = radius_squared;
-    // A disc's outline reaches its radius only across the direction it leans to, but perspective stretches it away
-    // from the axis: bound it by the stretch of a sphere.
-    var reach = radius / splat.unit;
-    if settings.splat_shape == 0u {
-        let axis = splat.center / max(-splat.center.z, 1e-6);
-        reach *= select(length(axis), 1.0, orthographic) * (1.0 + reach / settings.pixels_per_unit);
+        area *= kind.sample_share;
+        splat.right = (view.view_from_world * vec4(rotate(rotation, axis.yzx), 0.0)).xyz;
+        splat.up = (view.view_from_world * vec4(rotate(rotation, axis.zxy), 0.0)).xyz;
+        splat.size = 0.5 * sqrt(area);
+        // To the corner of the cell, on the slanted face.
+        reach = 1.41421356 * splat.size / dot(steep, axis);
+    } else if shape == DISCS {
+        splat.size = area / PI;
     } else {
-        // A square of the disc's area.
-        reach *= 0.88622693;
+        reach = 0.5 * sqrt(area);
     }
-    let last = vec2<i32>(settings.size);
+    reach /= splat.unit;
+    if shape <= DISCS && !orthographic {
+        // Perspective stretches bodies away from the axis.
+        reach *= length(splat.center) / max(-splat.center.z, 1e-6) * (1.0 + reach / settings.pixels_per_unit);
+    }
     splat.begin = max(vec2<i32>(ceil(splat.pixel - reach - 0.5)), vec2(0));
-    splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), last);
+    splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), vec2<i32>(settings.size));
     splat.visible = all(splat.begin < splat.end);
     return splat;
 }
 
-// Whether the ray through the centre of a pixel meets the disc.
+// Whether the ray through the centre of a pixel meets the splat.
 fn covers(splat: Splat, at: vec2<i32>) -> bool {
-    if settings.splat_shape != 0u {
+    if settings.splat_shape > DISCS {
         return true;
     }
     let offset = (vec2<f32>(at) + 0.5 - splat.pixel) * vec2(splat.unit, -splat.unit);
@@ -115,6 +123,9 @@ fn covers(splat: Splat, at: vec2<i32>) -> bool {
     } else {
         d = on_plane * (splat.plane / dot(splat.normal, on_plane)) - splat.center;
     }
-    let along_axis = dot(d, splat.axis);
-    return dot(d, d) - along_axis * along_axis <= splat.radius_squared;
+    let across = max(abs(dot(d, splat.right)), abs(dot(d, splat.up)));
+    if dot(splat.right, splat.right) > 0.0 {
+        return across <= splat.size;
+    }
+    return dot(d, d) <= splat.size;
 }

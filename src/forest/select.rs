@@ -121,11 +121,7 @@ pub fn select_instance(
     }
     let count = round_count(wanted, unit_from_bits(index ^ 0x51ed_270b)).min(shape.point_count);
     let scale2 = instance.scale * instance.scale;
-    let radius = if count == 0 {
-        0.0
-    } else {
-        disc_radius(shape.surface_area * scale2, n)
-    };
+    let radius = if count == 0 { 0.0 } else { disc_radius(shape.surface_area * scale2, n) };
     Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count, radius } }
 }
 

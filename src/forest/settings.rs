@@ -2,13 +2,16 @@
 
 use bevy::{prelude::*, render::extract_component::ExtractComponent};
 
-/// Shape of a splat.
+/// Shape of a splat. All have the area that their point stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 pub enum SplatShape {
-    /// Discs that lie in the surface, of the area each point stands for.
+    /// The piece of the surface that an LDI pixel hit: pieces tile the surface. Discs where a tree was peeled from more
+    /// than three directions.
     #[default]
+    Cells,
+    /// Discs that lie in the surface.
     Discs,
-    /// Screen-aligned squares of the same area, for comparison: they thin and fatten crowns.
+    /// Screen-aligned squares, for comparison: they thin and fatten crowns.
     Squares,
 }
 
@@ -31,7 +34,7 @@ pub struct TreelineSettings {
     /// Draw trees at all. Default: true.
     pub enabled: bool,
     /// `q`: points per pixel that the surface of a tree would cover, 0.05 to 16. Points cost in proportion; error
-    /// falls. 1 is the paper. Default: 1.5 (measured, see `docs/results.md`).
+    /// falls. 1 is the paper. Default: 2 (measured, see `docs/results.md`).
     pub quality: f32,
     /// Trees nearer than this are meshes even where the paper's `d0` is less, metres. Default: 15.
     pub min_mesh_distance: f32,
@@ -39,9 +42,9 @@ pub struct TreelineSettings {
     pub fade_width: f32,
     /// How much the distance of that band differs between instances, as a share, 0 to 0.9. Default: 0.15.
     pub fade_jitter: f32,
-    /// Overlap of the discs of a leaf, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.25.
+    /// Overlap of splats, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.15.
     pub overlap_gain: f32,
-    /// Shape of the splats. Default: discs.
+    /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
     /// Points per frame at most, in millions; 64 points are a work item, and items that do not fit are counted and
     /// reported. 16 bytes of GPU memory for each 64 points. Default: 16.
@@ -52,12 +55,12 @@ impl Default for TreelineSettings {
     fn default() -> Self {
         Self {
             enabled: true,
-            quality: 1.5,
+            quality: 2.0,
             min_mesh_distance: 15.0,
             fade_width: 0.25,
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
-            splat_shape: SplatShape::Discs,
+            splat_shape: SplatShape::Cells,
             point_capacity_millions: 16.0,
         }
     }
@@ -75,11 +78,11 @@ impl TreelineSettings {
                 moved.push(name);
             }
         };
-        clamp(&mut out.quality, 0.05, 16.0, 1.5, "quality");
+        clamp(&mut out.quality, 0.05, 16.0, 2.0, "quality");
         clamp(&mut out.min_mesh_distance, 0.0, 1e6, 15.0, "min_mesh_distance");
         clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
-        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.25, "overlap_gain");
+        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.15, "overlap_gain");
         clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
         (out, moved)
     }
@@ -95,7 +98,7 @@ mod tests {
         assert_eq!((same, moved.len()), (TreelineSettings::default(), 0));
         let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, ..default() };
         let (good, moved) = bad.clamped();
-        assert_eq!((good.quality, good.fade_width), (1.5, 0.9));
+        assert_eq!((good.quality, good.fade_width), (2.0, 0.9));
         assert_eq!(moved, ["quality", "fade_width"]);
     }
 }

@@ -102,7 +102,7 @@ gpu_types! {
         pub overlap_gain: f32,
         /// 1 for an orthographic projection.
         pub orthographic: u32,
-        /// 0 = oriented discs, 1 = squares.
+        /// 0 = cells, 1 = discs, 2 = squares.
         pub splat_shape: u32,
         /// 1 if the depth prepass of this view may be read.
         pub has_prepass: u32,

@@ -207,7 +207,11 @@ pub(super) fn prepare_views(
             fade_jitter: settings.fade_jitter,
             overlap_gain: settings.overlap_gain,
             orthographic: u32::from(view.clip_from_view.w_axis.w == 1.0),
-            splat_shape: u32::from(settings.splat_shape == SplatShape::Squares),
+            splat_shape: match settings.splat_shape {
+                SplatShape::Cells => 0,
+                SplatShape::Discs => 1,
+                SplatShape::Squares => 2,
+            },
             has_prepass: u32::from(has_prepass),
             pad: 0,
         };

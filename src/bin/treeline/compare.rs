@@ -3,13 +3,13 @@
 use crate::{
     flip::{CropRect, flip},
     options::{
-        BakeOptions, SplatPathArg, ToolError, ToolResult, bake_with_progress, make_folder,
-        write_file, write_png,
+        BakeOptions, SplatArg, SplatPathArg, ToolError, ToolResult, bake_with_progress,
+        make_folder, write_file, write_png,
     },
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
 };
-use bevy_treeline::{SplatShape, TreelineSettings};
+use bevy_treeline::TreelineSettings;
 use bevy_treeline::math::image_error::{block_rmse, coverage_error};
 use clap::Args;
 use image::RgbaImage;
@@ -33,12 +33,12 @@ pub struct CompareArgs {
     /// q: points per pixel of surface.
     #[arg(long, default_value_t = TreelineSettings::default().quality)]
     quality: f32,
-    /// Overlap of the discs of a leaf, 0 to 1.
+    /// Overlap of splats, 0 to 1.
     #[arg(long, default_value_t = TreelineSettings::default().overlap_gain)]
     overlap: f32,
-    /// Screen-aligned squares instead of oriented discs.
-    #[arg(long)]
-    squares: bool,
+    /// Shape of the splats.
+    #[arg(long, value_enum, default_value = "cells")]
+    splats: SplatArg,
     /// Samples of the reference along each side of a pixel (4: 16 samples).
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(4..=8))]
     supersample: u32,
@@ -111,8 +111,6 @@ fn errors(reference: &RgbaImage, test: &RgbaImage, crop: CropRect) -> ToolResult
     let block = block_rmse(&a, &b, crop.width, crop.height, 16).map_err(|e| message(&e))?;
     let alpha = |image: &RgbaImage| image.pixels().map(|p| p[3]).collect::<Vec<_>>();
     let coverage = coverage_error(alpha(&a), alpha(&b));
-    let sum = |image: &RgbaImage| image.pixels().map(|p| f64::from(p[3])).sum::<f64>();
-    eprintln!("signed {:+.2} %", (sum(&a) / sum(&b) - 1.0) * 100.0);
     Ok(Errors { mean: report.mean, p95: report.p95, block, coverage, map: report.error_map })
 }
 
@@ -127,7 +125,7 @@ pub fn run(args: &CompareArgs) -> ToolResult {
     let settings = TreelineSettings {
         quality: args.quality,
         overlap_gain: args.overlap,
-        splat_shape: if args.squares { SplatShape::Squares } else { SplatShape::Discs },
+        splat_shape: args.splats.into(),
         ..Default::default()
     };
     let mut subject = Subject::new(&baked, args.splat_path.into(), settings)?;

@@ -1,7 +1,7 @@
 //! Options and errors that several commands share.
 
 use bevy_treeline::{
-    BakeSettings, SplatPath,
+    BakeSettings, SplatPath, SplatShape,
     asset::BakeCache,
     bake::{
         BakeContext, BakeError, BakeStage, Baked, OrderMethod, PeelBackend, bake_file,
@@ -62,6 +62,24 @@ pub enum SplatPathArg {
     Auto,
     U64,
     U32,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum SplatArg {
+    #[default]
+    Cells,
+    Discs,
+    Squares,
+}
+
+impl From<SplatArg> for SplatShape {
+    fn from(arg: SplatArg) -> Self {
+        match arg {
+            SplatArg::Cells => Self::Cells,
+            SplatArg::Discs => Self::Discs,
+            SplatArg::Squares => Self::Squares,
+        }
+    }
 }
 
 impl From<SplatPathArg> for SplatPath {

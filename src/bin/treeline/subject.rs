@@ -61,7 +61,11 @@ pub fn z0() -> f32 {
 
 impl Subject {
     /// A scene around a baked tree.
-    pub fn new(baked: &Baked, splat_path: SplatPath, settings: TreelineSettings) -> ToolResult<Self> {
+    pub fn new(
+        baked: &Baked,
+        splat_path: SplatPath,
+        settings: TreelineSettings,
+    ) -> ToolResult<Self> {
         let mut app = headless_app(splat_path)?;
         let world = app.world_mut();
         scene::add_light(world, 0.0);
