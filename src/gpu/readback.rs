@@ -10,8 +10,8 @@ use bevy::render::{
 };
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Slots at most: frames of readback in flight. Beyond that a frame's copy is skipped (counters of that frame are lost).
-const MAX_SLOTS: usize = 8;
+/// Slots at most: copies in flight, one per view and frame. Beyond that a copy is skipped (its counters are lost).
+const MAX_SLOTS: usize = 256;
 
 struct Slot<K> {
     buffer: Buffer,

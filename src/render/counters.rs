@@ -3,8 +3,10 @@
 use super::view::{ViewTrees, Views};
 use crate::gpu::{readback::ReadbackRing, types::GpuCounters};
 use bevy::{
+    platform::collections::HashSet,
     prelude::*,
     render::{
+        camera::ExtractedCamera,
         renderer::{RenderContext, RenderDevice, ViewQuery},
         sync_world::MainEntity,
     },
@@ -58,18 +60,23 @@ pub struct TreelineCounters {
 }
 
 impl TreelineCounters {
-    /// The newest counters of a camera, once a frame has come back.
+    /// The newest counters of a camera, once a frame has come back. `None` for one that draws no trees (any more).
     pub fn of(&self, camera: Entity) -> Option<ViewCounters> {
         self.all().get(&camera).copied()
     }
 
-    /// The newest counters of every camera, by entity.
+    /// The newest counters of every camera that draws trees, by entity.
     pub fn all(&self) -> BTreeMap<Entity, ViewCounters> {
         self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }
 
     fn set(&self, camera: Entity, counters: ViewCounters) {
         self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).insert(camera, counters);
+    }
+
+    fn retain(&self, mut is_drawn: impl FnMut(Entity) -> bool) {
+        let mut views = self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        views.retain(|camera, _| is_drawn(*camera));
     }
 }
 
@@ -108,7 +115,11 @@ pub(super) fn copy_counters(
 }
 
 /// Asks for this frame's counters and publishes those that have arrived.
-pub(super) fn map_counters(mut readback: ResMut<CounterReadback>, counters: Res<TreelineCounters>) {
+pub(super) fn map_counters(
+    mut readback: ResMut<CounterReadback>,
+    counters: Res<TreelineCounters>,
+    cameras: Query<&MainEntity, (With<ViewTrees>, With<ExtractedCamera>)>,
+) {
     let CounterReadback { ring, frame, overflow_reported } = &mut *readback;
     *frame += 1;
     let ring = ring.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -141,4 +152,7 @@ pub(super) fn map_counters(mut readback: ResMut<CounterReadback>, counters: Res<
             },
         );
     });
+    // Counters of earlier frames arrive after a camera has gone, too.
+    let drawn: HashSet<Entity> = cameras.iter().map(|camera| camera.id()).collect();
+    counters.retain(|camera| drawn.contains(&camera));
 }
