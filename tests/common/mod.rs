@@ -13,7 +13,7 @@ use bevy::{
         render_asset::RenderAssets,
         render_resource::{
             BufferDescriptor, BufferUsages, Extent3d, MapMode, PollType, TexelCopyBufferInfo,
-            TexelCopyBufferLayout, TextureFormat, TextureUsages,
+            TexelCopyBufferLayout, TextureFormat, TextureUsages, WgpuFeatures, WgpuLimits,
         },
         renderer::{RenderDevice, RenderQueue},
         settings::{Backends, RenderCreation, WgpuSettings},
@@ -27,6 +27,7 @@ use bevy_treeline::{
     asset::{NearMesh, NearMeshPiece},
     bake::{BakeContext, Baked, bake_file, near_mesh_sources},
     gpu::headless::headless_device,
+    render::{SplatSupport, pipeline_states},
 };
 use image::RgbaImage;
 use std::{
@@ -61,16 +62,27 @@ fn turn() -> MutexGuard<'static, ()> {
     TURN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Whether there is a GPU (or a software driver). Says so if not, and fails under `REQUIRE_GPU=1`.
-pub fn has_adapter(test: &str) -> bool {
-    static FOUND: OnceLock<bool> = OnceLock::new();
-    let found = *FOUND.get_or_init(|| headless_device().is_ok());
-    if !found {
+/// What the adapter can do; `None` without one.
+fn adapter() -> Option<&'static (WgpuFeatures, WgpuLimits)> {
+    static FOUND: OnceLock<Option<(WgpuFeatures, WgpuLimits)>> = OnceLock::new();
+    let find = || headless_device().ok().map(|(a, _, _)| (a.features(), a.limits()));
+    FOUND.get_or_init(find).as_ref()
+}
+
+/// Whether there is a GPU (or a software driver) for a splat path. Says so if not, and fails under `REQUIRE_GPU=1` if
+/// there is none at all.
+fn can_draw(test: &str, splat_path: SplatPath) -> bool {
+    let Some((features, limits)) = adapter() else {
         let required = std::env::var("REQUIRE_GPU").as_deref() == Ok("1");
         assert!(!required, "REQUIRE_GPU=1, but there is no adapter for {test}");
         println!("SKIPPED {test} (no adapter)");
+        return false;
+    };
+    if let SplatSupport::Off { reason } = SplatSupport::of(splat_path, *features, limits) {
+        println!("SKIPPED {test} ({reason})");
+        return false;
     }
-    found
+    true
 }
 
 /// A headless app and the right to draw.
@@ -80,10 +92,10 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// An app with the plugin; `None` without an adapter.
+    /// An app with the plugin; `None` without an adapter for that splat path.
     pub fn new(test: &str, splat_path: SplatPath) -> Option<Self> {
         let turn = turn();
-        has_adapter(test).then(|| Self { app: headless_app(splat_path), _turn: turn })
+        can_draw(test, splat_path).then(|| Self { app: headless_app(splat_path), _turn: turn })
     }
 
     pub fn world(&mut self) -> &mut World {
@@ -181,6 +193,11 @@ impl Stage {
 
     pub fn find_counters(&self, camera: Entity) -> Option<ViewCounters> {
         self.app.world().resource::<TreelineCounters>().of(camera)
+    }
+
+    /// Pipelines of this crate that are ready, and what is wrong with others.
+    pub fn pipelines(&self) -> (usize, Vec<String>) {
+        pipeline_states(self.app.get_sub_app(RenderApp).expect("there is a renderer").world())
     }
 
     /// The pixels of a target.

@@ -1,0 +1,277 @@
+//! Selection on the GPU against its CPU twin: counters of whole scenes.
+
+mod common;
+
+use bevy::{
+    camera::{ScalingMode, primitives::Frustum},
+    prelude::*,
+};
+use bevy_treeline::{
+    Forest, LodState, NearMeshes, SplatPath, TreeImpostor, TreeInstance, TreelineSettings,
+    ViewCounters,
+    forest::{SpeciesShape, ViewPoint, emit_items, select_instance},
+    gpu::types::GpuInstanceDraw,
+    math::hash::SplitMix64,
+};
+use common::{Stage, baked};
+
+const SIZE: UVec2 = UVec2::new(120, 90);
+const SPECIES: [&str; 2] = ["broadleaf", "birch"];
+
+/// What selection should have counted.
+#[derive(Debug, Default)]
+struct Expected {
+    counters: ViewCounters,
+    /// Trees so close to a plane of the frustum that rounding decides.
+    on_the_edge: u32,
+}
+
+fn view_point(stage: &Stage, camera: Entity) -> ViewPoint {
+    let world = stage.app.world();
+    let eye = world.get::<GlobalTransform>(camera).expect("it has a place").translation();
+    let camera = world.get::<Camera>(camera).expect("it is a camera");
+    let height = camera.physical_viewport_size().expect("it has a picture").y as f32;
+    ViewPoint::new(eye, &camera.clip_from_view(), height)
+}
+
+/// The CPU twin over the trees of one forest of [`SPECIES`], which is all there is.
+fn expect(stage: &Stage, camera: Entity, forest: Entity) -> Expected {
+    let world = stage.app.world();
+    let settings = world.get::<TreelineSettings>(camera).cloned().unwrap_or_default().clamped().0;
+    let view = view_point(stage, camera);
+    let frustum = world.get::<Frustum>(camera).expect("it sees something");
+    let near = world.resource::<NearMeshes>();
+    let mut out = Expected::default();
+    let counters = &mut out.counters;
+    let draws: Vec<GpuInstanceDraw> = world
+        .get::<Forest>(forest)
+        .expect("it is a forest")
+        .iter()
+        .enumerate()
+        .map(|(index, tree)| {
+            let nothing = GpuInstanceDraw { count: 0, radius: 0.0 };
+            let data = &*baked(SPECIES[usize::from(tree.species)]).data;
+            let shape = SpeciesShape::from(data);
+            let center = tree.position + tree.rotation * (shape.center * tree.scale);
+            let radius = data.bounds.radius() * tree.scale;
+            counters.instances_seen += 1;
+            // Not the far plane: the projection is infinite.
+            let planes = frustum.half_spaces[..5].iter().map(|plane| plane.normal_d());
+            let inside = planes.map(|p| p.truncate().dot(center) + p.w + radius);
+            let inside = inside.fold(f32::INFINITY, f32::min);
+            out.on_the_edge += u32::from(inside.abs() < 1e-3);
+            if inside < 0.0 {
+                counters.culled_frustum += 1;
+                return nothing;
+            }
+            let has_mesh = near.is_ready(forest, index as u32);
+            let s = select_instance(&view, &settings, &shape, &tree, index as u32, has_mesh);
+            if has_mesh && s.distance < s.band.near {
+                counters.as_mesh += 1;
+            } else if s.draw.count == 0 {
+                counters.culled_small += 1;
+            }
+            counters.in_fade += u32::from(s.mesh > 0.0 && s.distance >= s.band.near);
+            s.draw
+        })
+        .collect();
+    let capacity = (settings.point_capacity_millions * 1e6 / 64.0) as usize;
+    let (items, overflow) = emit_items(&draws, |_| 0, capacity);
+    counters.points = items.iter().map(|item| item.count).sum();
+    counters.items = items.len() as u32;
+    counters.item_overflow = overflow as u32;
+    out
+}
+
+/// Equal but for the rounding of `f32`.
+fn assert_near(found: u32, expected: u32, what: &str) {
+    let tolerance = (f64::from(expected) * 1e-3).max(2.0);
+    let difference = (f64::from(found) - f64::from(expected)).abs();
+    assert!(difference <= tolerance, "{what}: {found} on the GPU, {expected} on the CPU");
+}
+
+fn assert_counters(found: ViewCounters, expected: &Expected) {
+    let ViewCounters { instances_seen, culled_frustum, culled_small, as_mesh, in_fade, .. } =
+        expected.counters;
+    assert_eq!(found.instances_seen, instances_seen);
+    let difference = found.culled_frustum.abs_diff(culled_frustum);
+    assert!(
+        difference <= expected.on_the_edge,
+        "culled: {} on the GPU, {culled_frustum} on the CPU, {} on the edge",
+        found.culled_frustum,
+        expected.on_the_edge
+    );
+    assert_near(found.culled_small, culled_small, "too small");
+    assert_eq!((found.as_mesh, found.in_fade), (as_mesh, in_fade), "meshes, fading");
+    assert_near(found.points, expected.counters.points, "points");
+    assert_near(found.items, expected.counters.items, "items");
+    assert_near(found.item_overflow, expected.counters.item_overflow, "overflow");
+}
+
+/// A stage with a forest, seen from 8 m above the origin towards -z.
+fn planted(
+    test: &str,
+    with_mesh: bool,
+    trees: impl Iterator<Item = TreeInstance>,
+) -> Option<(Stage, Entity, Entity)> {
+    let mut stage = Stage::new(test, SplatPath::Auto)?;
+    let species = SPECIES.map(|name| stage.tree(name, with_mesh));
+    let forest = stage.world().spawn(Forest::new(species).with(trees)).id();
+    let place = Transform::from_xyz(0.0, 8.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);
+    let (camera, _) = stage.view(SIZE, place);
+    Some((stage, camera, forest))
+}
+
+/// Trees of both species, every size and lean, at distances of 40 m to 1500 m before the camera; `bearing` says how far
+/// aside, as a share of the distance.
+fn scattered(count: u32, seed: u64, bearing: f32) -> impl Iterator<Item = TreeInstance> {
+    let mut random = SplitMix64(seed);
+    (0..count).map(move |i| {
+        let z = -40.0 * 37.0f32.powf(random.next_f32());
+        TreeInstance {
+            position: Vec3::new(z * random.range(-bearing, bearing), 0.0, z),
+            rotation: Quat::from_rotation_x(random.range(-0.2, 0.2))
+                * Quat::from_rotation_y(random.range(-3.0, 3.0)),
+            scale: 0.08 * 25.0f32.powf(random.next_f32()),
+            species: (i % 2) as u16,
+            seed: random.below(256) as u8,
+            ..default()
+        }
+    })
+}
+
+#[test]
+fn a_forest_in_sight_is_selected_as_on_the_cpu() {
+    let trees = scattered(3000, 1, 0.3);
+    let Some((mut stage, camera, forest)) = planted("a_forest_in_sight", false, trees) else {
+        return;
+    };
+    stage.step(4);
+    let (found, expected) = (stage.counters(camera), expect(&stage, camera, forest));
+    assert_eq!((found.instances_seen, found.culled_frustum, found.as_mesh), (3000, 0, 0));
+    assert!(expected.counters.culled_small > 100, "{expected:?}");
+    assert!(expected.counters.points > 100_000, "{expected:?}");
+    assert_counters(found, &expected);
+}
+
+#[test]
+fn trees_out_of_sight_are_culled_exactly() {
+    // Every other tree far to the side or behind.
+    let trees = scattered(3000, 2, 0.3).enumerate().map(|(i, tree)| {
+        let away = match i % 8 {
+            1 => Vec3::X * 9000.0,
+            3 => Vec3::NEG_X * 9000.0,
+            5 => Vec3::Z * 3000.0,
+            7 => Vec3::Y * 9000.0,
+            _ => Vec3::ZERO,
+        };
+        TreeInstance { position: tree.position + away, ..tree }
+    });
+    let Some((mut stage, camera, forest)) = planted("trees_out_of_sight", false, trees) else {
+        return;
+    };
+    stage.step(4);
+    let found = stage.counters(camera);
+    assert_eq!((found.instances_seen, found.culled_frustum), (3000, 1500));
+    assert_counters(found, &expect(&stage, camera, forest));
+}
+
+#[test]
+fn trees_around_the_edges_of_the_picture_are_culled_as_on_the_cpu() {
+    let trees = scattered(3000, 3, 1.5);
+    let Some((mut stage, camera, forest)) = planted("trees_around_the_edges", false, trees) else {
+        return;
+    };
+    stage.step(4);
+    let expected = expect(&stage, camera, forest);
+    assert!((500..2500).contains(&expected.counters.culled_frustum), "{expected:?}");
+    assert!(expected.on_the_edge < 5, "{expected:?}");
+    assert_counters(stage.counters(camera), &expected);
+}
+
+#[test]
+fn a_parallel_view_selects_as_on_the_cpu() {
+    let trees = scattered(3000, 4, 0.5);
+    let Some((mut stage, camera, forest)) = planted("a_parallel_view", true, trees) else { return };
+    let scaling_mode = ScalingMode::FixedVertical { viewport_height: 500.0 };
+    let parallel = OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() };
+    stage.world().entity_mut(camera).insert(Projection::Orthographic(parallel));
+    stage.step(6);
+    let expected = expect(&stage, camera, forest);
+    assert!(expected.counters.culled_frustum > 100 && expected.counters.points > 10_000);
+    assert_counters(stage.counters(camera), &expected);
+    assert!(stage.world().resource::<NearMeshes>().is_empty(), "parallel views draw no meshes");
+}
+
+#[test]
+fn what_does_not_fit_is_counted_and_what_fits_is_drawn() {
+    let trees = scattered(3000, 5, 0.3);
+    let Some((mut stage, camera, forest)) = planted("what_does_not_fit", false, trees) else {
+        return;
+    };
+    let settings = TreelineSettings { point_capacity_millions: 0.01, ..default() };
+    stage.world().entity_mut(camera).insert(settings);
+    stage.step(4);
+    let (found, expected) = (stage.counters(camera), expect(&stage, camera, forest));
+    assert_eq!(found.items, 156);
+    assert!(expected.counters.item_overflow > 1000, "{expected:?}");
+    assert_counters(found, &expected);
+    // With room again all are back.
+    stage.world().entity_mut(camera).insert(TreelineSettings::default());
+    stage.step(4);
+    let (found, expected) = (stage.counters(camera), expect(&stage, camera, forest));
+    assert_eq!(found.item_overflow, 0);
+    assert_counters(found, &expected);
+}
+
+#[test]
+fn near_trees_of_a_forest_are_meshes_as_on_the_cpu() {
+    let place = |i: u32| {
+        let (x, z) = ((i % 15) as f32 * 2.0 - 14.0, (i / 15) as f32 * -3.0 - 8.0);
+        TreeInstance::at(Vec3::new(x, 3.0, z)).with_species((i % 2) as u16)
+    };
+    let trees = (0..90).map(|i| TreeInstance { seed: (i * 7) as u8, scale: 0.6, ..place(i) });
+    let Some((mut stage, camera, forest)) = planted("near_trees_of_a_forest", true, trees) else {
+        return;
+    };
+    stage.step(8);
+    let expected = expect(&stage, camera, forest);
+    assert!(expected.counters.as_mesh > 3 && expected.counters.in_fade > 5, "{expected:?}");
+    assert!(expected.counters.as_mesh + expected.counters.in_fade < 80, "{expected:?}");
+    assert_counters(stage.counters(camera), &expected);
+}
+
+#[test]
+fn a_single_tree_changes_from_mesh_to_points_with_distance() {
+    let Some(mut stage) = Stage::new("a_single_tree_changes", SplatPath::Auto) else { return };
+    let asset = stage.tree("broadleaf", true);
+    let tree = stage.world().spawn(TreeImpostor::new(asset)).id();
+    let (camera, _) = stage.view(SIZE, default());
+    let all = baked("broadleaf").data.point_count() as u32;
+    // Mesh up to 11.25 m, both complete at 13.1 m, points from 15 m.
+    for (distance, as_mesh, in_fade) in
+        [(8.0, 1, 0), (12.5, 0, 1), (14.0, 0, 1), (15.5, 0, 0), (60.0, 0, 0), (10.0, 1, 0)]
+    {
+        stage.world().entity_mut(camera).insert(common::before("broadleaf", distance));
+        stage.step(9);
+        let counters = stage.counters(camera);
+        let state = *stage.world().get::<LodState>(tree).expect("it is required");
+        let what = format!("at {distance}: {counters:?} {state:?}");
+        assert_eq!((counters.as_mesh, counters.in_fade), (as_mesh, in_fade), "{what}");
+        assert_eq!(counters.points == 0, as_mesh == 1, "{what}");
+        // The twin rounds for an index of 0, which the only tree has.
+        assert!(counters.points.abs_diff(state.points) <= 1, "{what}");
+        assert!((state.distance - distance).abs() < 1e-3, "{what}");
+        assert_eq!(state.points_baked, all);
+        assert_eq!(state.mesh > 0.0, as_mesh + in_fade == 1, "{what}");
+        assert_eq!(state.mesh == 1.0, distance < 13.0, "{what}");
+        assert!(
+            (state.d0 - baked("broadleaf").data.pixel * view_point(&stage, camera).z0).abs() < 1e-3
+        );
+        assert_eq!(
+            stage.world().resource::<NearMeshes>().len(),
+            usize::from(distance < 16.0),
+            "{what}"
+        );
+    }
+}
