@@ -65,5 +65,10 @@ fn surfel_ambient_visibility(albedo_b_misc: u32) -> f32 {
 
 // Cold half: colour class for deferred blending.
 fn surfel_group(albedo_b_misc: u32) -> u32 {
-    return albedo_b_misc >> 24u;
+    return (albedo_b_misc >> 24u) & 15u;
+}
+
+// Cold half: metalness, 0 to 1.
+fn surfel_metallic(albedo_b_misc: u32) -> f32 {
+    return f32(albedo_b_misc >> 28u) / 15.0;
 }

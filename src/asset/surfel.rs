@@ -2,7 +2,7 @@
 //!
 //! Hot (`u32 × 2`, read by selection's splats): position 16 + 16 + 14 bits in the model's box, thickness class (2
 //! bits), octahedral **face** normal (8 + 7 bits), one-sided bit. Cold (`u32 × 2`, read once per covered pixel by resolve): shading normal 2×u8,
-//! albedo 3×u8 (sRGB), flags and roughness, ambient visibility, group. The WGSL twin is `shaders/lib/surfel.wgsl`.
+//! albedo 3×u8 (sRGB), flags and roughness, ambient visibility, group and metalness. The WGSL twin is `shaders/lib/surfel.wgsl`.
 
 use crate::gpu::mirror::gpu_types;
 use crate::math::{bounding::Aabb, octahedral, quantize};
@@ -34,8 +34,10 @@ pub struct Surfel {
     pub roughness: f32,
     /// Share of the sky that reaches the point, 0 to 255 (255 = open). Written by `bake::lighting`.
     pub ambient_visibility: u8,
-    /// Colour class for deferred blending; 0 if not used.
+    /// Colour class for deferred blending, 0 to 15; 0 if not used.
     pub group: u8,
+    /// Metalness, 0 to 1; kept in 16 steps.
+    pub metallic: f32,
 }
 
 gpu_types! {
@@ -53,7 +55,7 @@ gpu_types! {
     pub struct SurfelCold as "SurfelCold" {
         /// Octahedral shading normal 2×u8 | albedo r << 16 | albedo g << 24.
         pub normal_albedo_rg: u32,
-        /// Albedo b | (flags | roughness << 4) << 8 | ambient visibility << 16 | group << 24.
+        /// Albedo b | (flags | roughness << 4) << 8 | ambient visibility << 16 | (group | metallic << 4) << 24.
         pub albedo_b_misc: u32,
     }
 }
@@ -66,6 +68,7 @@ impl Surfel {
         let normal = octahedral::encode_bits(self.normal, 8, 8);
         let one_sided = u32::from(self.flags & SURFEL_TWO_SIDED == 0);
         let roughness = (self.roughness.clamp(0.0, 1.0) * 15.0).round() as u32;
+        let metallic = (self.metallic.clamp(0.0, 1.0) * 15.0).round() as u32;
         let [r, g, b] = self.albedo.map(u32::from);
         let hot = SurfelHot {
             position_xy: x | y << 16,
@@ -80,7 +83,7 @@ impl Surfel {
             albedo_b_misc: b
                 | (u32::from(self.flags & 15) | roughness << 4) << 8
                 | u32::from(self.ambient_visibility) << 16
-                | u32::from(self.group) << 24,
+                | (u32::from(self.group & 15) | metallic << 4) << 24,
         };
         (hot, cold)
     }
@@ -108,7 +111,8 @@ impl Surfel {
             thickness: (hot.position_z_face >> 14 & 3) as u8,
             roughness: (misc >> 4) as f32 / 15.0,
             ambient_visibility: (cold.albedo_b_misc >> 16) as u8,
-            group: (cold.albedo_b_misc >> 24) as u8,
+            group: (cold.albedo_b_misc >> 24 & 15) as u8,
+            metallic: (cold.albedo_b_misc >> 28) as f32 / 15.0,
         }
     }
 }
@@ -131,6 +135,7 @@ mod tests {
                 roughness: 0.8,
                 ambient_visibility: 77,
                 group: 3,
+                metallic: 0.4,
             };
             let (hot, cold) = surfel.pack(&bounds);
             assert_eq!(hot.position_z_face >> 31 == 1, flags & SURFEL_TWO_SIDED == 0);
@@ -142,6 +147,7 @@ mod tests {
                 (back.albedo, back.flags, back.thickness, back.ambient_visibility, back.group),
                 (surfel.albedo, flags, 2, 77, 3)
             );
+            assert!((back.metallic - 0.4).abs() < 0.034);
             assert!((back.roughness - 0.8).abs() < 0.034);
         }
     }

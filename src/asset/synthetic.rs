@@ -37,6 +37,7 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
                 thickness: 1,
                 ambient_visibility: 255,
                 group: 0,
+                metallic: 0.0,
             });
         }
     }

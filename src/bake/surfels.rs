@@ -21,6 +21,7 @@ pub fn surfels(model: &SourceModel, output: &PeelOutput) -> Vec<Surfel> {
             roughness: material.perceptual_roughness,
             ambient_visibility: 255,
             group: 0,
+            metallic: material.metallic,
         }
     };
     output.samples.iter().zip(&thickness).map(surfel).collect()
