@@ -3,7 +3,10 @@
 mod window;
 
 use crate::{
-    options::{BakeOptions, SplatPathArg, ToolResult, bake_with_progress, make_folder, write_png},
+    options::{
+        BakeOptions, SplatPathArg, ToolResult, bake_with_progress, make_folder, parse_quality,
+        write_png,
+    },
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
 };
@@ -23,7 +26,7 @@ pub struct ViewArgs {
     #[arg(long, default_value = "out/view")]
     out: PathBuf,
     /// q: points per pixel of surface.
-    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality)]
+    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality, allow_negative_numbers = true, value_parser = parse_quality)]
     quality: f32,
     /// Kernels that draw the points.
     #[arg(long, value_enum, default_value = "auto")]
