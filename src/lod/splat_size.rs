@@ -1,4 +1,4 @@
-//! The area rule: how large the splat of a point is (design §4; measured in `docs/results.md`).
+//! The area rule: how large the splat of a point is (measured in `docs/results.md`).
 //!
 //! Every drawn point stands for the same share `a = A / N` of a tree's surface. Its splat is a piece of the surface of
 //! that area: a *cell* (what an LDI pixel hits: a square as seen along the peeling direction) or a *disc*.
