@@ -13,8 +13,8 @@ use std::sync::{
     mpsc::{Receiver, Sender, channel},
 };
 
-/// Slots at most: frames of readback in flight. Beyond that a frame's copy is skipped.
-const MAX_SLOTS: usize = 8;
+/// Slots at most: copies in flight, one per view and frame. Beyond that a copy is skipped (its counters are lost).
+const MAX_SLOTS: usize = 256;
 
 type OnBytes<K> = Arc<dyn Fn(K, &[u8]) + Send + Sync>;
 

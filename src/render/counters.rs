@@ -3,8 +3,10 @@
 use super::view::{ViewTrees, Views};
 use crate::gpu::{readback::ReadbackRing, types::GpuCounters};
 use bevy::{
+    platform::collections::HashSet,
     prelude::*,
     render::{
+        camera::ExtractedCamera,
         renderer::{RenderContext, RenderDevice, ViewQuery},
         sync_world::MainEntity,
     },
@@ -61,18 +63,23 @@ pub struct TreelineCounters {
 }
 
 impl TreelineCounters {
-    /// The newest counters of a camera, once a frame has come back.
+    /// The newest counters of a camera, once a frame has come back. `None` for one that draws no trees (any more).
     pub fn of(&self, camera: Entity) -> Option<ViewCounters> {
         self.all().get(&camera).copied()
     }
 
-    /// The newest counters of every camera, by entity.
+    /// The newest counters of every camera that draws trees, by entity.
     pub fn all(&self) -> BTreeMap<Entity, ViewCounters> {
         self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }
 
     fn set(&self, camera: Entity, counters: ViewCounters) {
         self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).insert(camera, counters);
+    }
+
+    fn retain(&self, mut is_drawn: impl FnMut(Entity) -> bool) {
+        let mut views = self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        views.retain(|camera, _| is_drawn(*camera));
     }
 }
 
@@ -135,9 +142,16 @@ pub(super) fn copy_counters(
     ring.copy(&device, ctx.command_encoder(), &buffers.counters, tag);
 }
 
-/// Asks for this frame's counters.
-pub(super) fn map_counters(mut readback: ResMut<CounterReadback>) {
+/// Asks for this frame's counters, and forgets cameras that draw no trees any more.
+pub(super) fn map_counters(
+    mut readback: ResMut<CounterReadback>,
+    counters: Res<TreelineCounters>,
+    cameras: Query<&MainEntity, (With<ViewTrees>, With<ExtractedCamera>)>,
+) {
     readback.frame += 1;
     let ring = readback.ring.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner());
     ring.map_recorded();
+    // Counters of earlier frames arrive after a camera has gone, too.
+    let drawn: HashSet<Entity> = cameras.iter().map(|camera| camera.id()).collect();
+    counters.retain(|camera| drawn.contains(&camera));
 }
