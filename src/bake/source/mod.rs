@@ -182,6 +182,11 @@ impl Files<'_> {
 /// Any [`SourceError`]: unreadable or malformed files, unknown formats, models without triangles.
 pub fn load_model(path: &Path) -> Result<SourceModel, SourceError> {
     let name = path.display().to_string();
+    // Before its extension is looked at: a folder has none, and converting it is no good advice.
+    if path.is_dir() {
+        let source = io::ErrorKind::IsADirectory.into();
+        return Err(SourceError::Read { file: name, source });
+    }
     // Before reading: no need to load a video to learn that it is no model.
     kind_of(&name)?;
     let bytes =

@@ -35,7 +35,10 @@ struct Report {
 
 #[derive(Serialize)]
 struct ModelReport {
+    /// The model, as it was named.
     file: String,
+    /// The `.treeline` file.
+    output: String,
     triangles: u64,
     ldi: u32,
     layers: Vec<u32>,
@@ -75,14 +78,31 @@ fn relative(file: &Path, folder: &Path) -> String {
     up.chain(down).collect::<Vec<_>>().join("/")
 }
 
-fn write_tree(file: &Path, out: &Path, baked: &Baked) -> ToolResult<(PathBuf, u64)> {
-    let stem = file.file_stem().unwrap_or(file.as_os_str());
-    let path = out.join(stem).with_extension("treeline");
+/// Where the tree of a model goes: `oak.v2.glb` becomes `oak.v2.treeline`.
+fn output_path(file: &Path, out: &Path) -> PathBuf {
+    let mut name = file.file_stem().unwrap_or(file.as_os_str()).to_owned();
+    name.push(".treeline");
+    out.join(name)
+}
+
+/// An error if an earlier model of this run has the same output: no tree is silently replaced by another.
+fn check_output(file: &Path, path: &Path, report: &Report) -> ToolResult {
+    let Some(earlier) = report.models.iter().find(|m| Path::new(&m.output) == path) else {
+        return Ok(());
+    };
+    Err(ToolError::Message(format!(
+        "{}: its tree would replace {}, just made from {}; rename one of the models, or bake it into another folder with --out",
+        file.display(),
+        path.display(),
+        earlier.file
+    )))
+}
+
+fn write_tree(file: &Path, path: &Path, out: &Path, baked: &Baked) -> ToolResult<u64> {
     let mut data = TreeData::clone(&baked.data);
     data.source =
         Some(SourceReference { path: relative(file, out), content_hash: baked.model.content_hash });
-    let bytes = write_treeline(&path, &data)?;
-    Ok((path, bytes))
+    Ok(write_treeline(path, &data)?)
 }
 
 pub fn run(args: &BakeArgs) -> ToolResult {
@@ -105,11 +125,13 @@ pub fn run(args: &BakeArgs) -> ToolResult {
         "bytes"
     );
     for file in &args.files {
-        let result = bake_with_progress(file, &settings, &context)
-            .and_then(|baked| Ok((write_tree(file, &args.out, &baked)?, baked)));
+        let path = output_path(file, &args.out);
+        let result = check_output(file, &path, &report)
+            .and_then(|()| bake_with_progress(file, &settings, &context))
+            .and_then(|baked| Ok((write_tree(file, &path, &args.out, &baked)?, baked)));
         let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
         match result {
-            Ok(((path, bytes), baked)) => {
+            Ok((bytes, baked)) => {
                 let s = &baked.data.statistics;
                 let layers = s.layers.iter().map(u32::to_string).collect::<Vec<_>>().join("/");
                 let by = if baked.from_cache {
@@ -127,11 +149,14 @@ pub fn run(args: &BakeArgs) -> ToolResult {
                     s.seconds.ordering,
                     s.seconds.total,
                 );
-                for warning in &s.warnings {
-                    eprintln!("  {name}: {warning}");
+                // Those of the model were said while it was read, those of a bake only if there was one.
+                let unsaid = s.warnings.iter().filter(|w| !baked.model.warnings.contains(w));
+                for warning in unsaid.filter(|_| baked.from_cache) {
+                    eprintln!(" WARN {name}: {warning}");
                 }
                 report.models.push(ModelReport {
-                    file: path.to_string_lossy().into_owned(),
+                    file: file.to_string_lossy().into_owned(),
+                    output: path.to_string_lossy().into_owned(),
                     triangles: s.triangles,
                     ldi: s.ldi_size,
                     layers: s.layers.clone(),
@@ -150,7 +175,8 @@ pub fn run(args: &BakeArgs) -> ToolResult {
             }
             Err(error) => {
                 eprintln!("treeline: {error}");
-                report.failed.push(Failure { file: name, error: error.to_string() });
+                let file = file.to_string_lossy().into_owned();
+                report.failed.push(Failure { file, error: error.to_string() });
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::{
     flip::{CropRect, flip},
     options::{
         BakeOptions, SplatArg, SplatPathArg, ToolError, ToolResult, bake_with_progress,
-        make_folder, write_file, write_png,
+        make_folder, parse_quality, write_file, write_png,
     },
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
@@ -22,7 +22,7 @@ pub struct CompareArgs {
     /// A model: .glb, .gltf, .obj or .ply.
     file: PathBuf,
     /// Distances in model units, from the middle of the tree (default: d0/2, d0, 2 d0, 4 d0, 8 d0).
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     distances: Vec<f32>,
     /// Write the figures to this file.
     #[arg(long)]
@@ -31,11 +31,14 @@ pub struct CompareArgs {
     #[arg(long, default_value = "out/compare")]
     out: PathBuf,
     /// q: points per pixel of surface.
-    #[arg(long, default_value_t = TreelineSettings::default().quality)]
+    #[arg(long, default_value_t = TreelineSettings::default().quality, allow_negative_numbers = true, value_parser = parse_quality)]
     quality: f32,
     /// Overlap of splats, 0 to 1.
     #[arg(long, default_value_t = TreelineSettings::default().overlap_gain)]
     overlap: f32,
+    /// Instead: frame times of 50 instances at d0 to 8 d0, as points (q 1) and as meshes (the paper's Table 2).
+    #[arg(long)]
+    table2: bool,
     /// Shape of the splats.
     #[arg(long, value_enum, default_value = "cells")]
     splats: SplatArg,
@@ -43,10 +46,10 @@ pub struct CompareArgs {
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(4..=8))]
     supersample: u32,
     /// Where from: degrees about the vertical.
-    #[arg(long, default_value_t = 30.0)]
+    #[arg(long, default_value_t = 30.0, allow_negative_numbers = true)]
     azimuth: f32,
     /// Where from: degrees above the horizon.
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(long, default_value_t = 10.0, allow_negative_numbers = true)]
     elevation: f32,
     /// Kernels that draw the points.
     #[arg(long, value_enum, default_value = "auto")]
@@ -119,6 +122,23 @@ pub fn run(args: &CompareArgs) -> ToolResult {
         return Err(ToolError::Message(format!(
             "--distances: {bad} is not a distance; give numbers above 0"
         )));
+    }
+    if args.table2 {
+        let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
+        return crate::table2::run(&baked, args.splat_path.into());
+    }
+    for (name, value, range) in [
+        ("--overlap", args.overlap, 0.0..=1.0),
+        ("--azimuth", args.azimuth, -360.0..=360.0),
+        ("--elevation", args.elevation, -89.0..=89.0),
+    ] {
+        if !range.contains(&value) {
+            return Err(ToolError::Message(format!(
+                "{name} is {value}, but must be {} to {}",
+                range.start(),
+                range.end()
+            )));
+        }
     }
     make_folder(&args.out)?;
     let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;

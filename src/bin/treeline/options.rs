@@ -1,5 +1,6 @@
 //! Options and errors that several commands share.
 
+use bevy::log::tracing_subscriber::{self, util::SubscriberInitExt};
 use bevy_treeline::{
     BakeSettings, SplatPath, SplatShape,
     asset::BakeCache,
@@ -12,6 +13,7 @@ use bevy_treeline::{
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
+    io::{self, Write},
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -96,13 +98,13 @@ impl From<SplatPathArg> for SplatPath {
 #[derive(Args, Clone, Debug)]
 pub struct BakeOptions {
     /// Longest side of a layered depth image, in pixels (1 to 16384).
-    #[arg(long = "ldi", default_value_t = 512)]
+    #[arg(long = "ldi", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub ldi: u32,
     /// Peeling directions (3 to 64).
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(3..=64))]
     pub directions: u32,
-    /// Layers per direction at most.
-    #[arg(long, default_value_t = 256)]
+    /// Layers per direction at most (1 to 4096).
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub max_layers: u32,
     /// Give each direction only the triangles most perpendicular to it.
     #[arg(long)]
@@ -191,9 +193,32 @@ pub fn bake_with_progress(
         bar.set_message(stage.name());
         bar.set_position(((from + share * done) * 1000.0) as u64);
     };
+    let beside_bar = bar.clone();
+    // The library's warnings: no app and so no logger runs yet.
+    let warnings = tracing_subscriber::fmt()
+        .with_max_level(bevy::log::Level::WARN)
+        .with_target(false)
+        .without_time()
+        .with_ansi(false)
+        .with_writer(move || BesideBar(beside_bar.clone()))
+        .set_default();
     let baked = bake_file(path, settings, context, &progress);
+    drop(warnings);
     bar.finish_and_clear();
     Ok(baked?)
+}
+
+/// Standard error, with the progress bar out of the way.
+struct BesideBar(ProgressBar);
+
+impl Write for BesideBar {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.suspend(|| io::stderr().write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
 }
 
 /// Makes a folder for output.
@@ -205,9 +230,16 @@ pub fn make_folder(path: &Path) -> ToolResult {
 pub fn write_file(path: &Path, bytes: &[u8]) -> ToolResult {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     make_folder(folder)?;
-    let write = || -> std::io::Result<()> {
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        std::io::Write::write_all(&mut file, bytes)?;
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // Less the user's umask, as for any new file; a temporary one would be private.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let write = || -> io::Result<()> {
+        let mut file = builder.tempfile_in(folder)?;
+        file.write_all(bytes)?;
         file.persist(path).map_err(|e| e.error)?;
         Ok(())
     };
@@ -221,6 +253,14 @@ pub fn write_png(path: &Path, image: &image::RgbaImage) -> ToolResult {
         .write_to(&mut bytes, image::ImageFormat::Png)
         .map_err(|error| ToolError::write(path, error))?;
     write_file(path, bytes.get_ref())
+}
+
+/// Parses `--quality`.
+pub fn parse_quality(text: &str) -> Result<f32, String> {
+    match text.trim().parse() {
+        Ok(quality) if (0.05..=16.0).contains(&quality) => Ok(quality),
+        _ => Err("write a number from 0.05 to 16, such as 2".into()),
+    }
 }
 
 /// Parses `WxH`, both 1 to 8192.

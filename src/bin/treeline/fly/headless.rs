@@ -98,8 +98,8 @@ pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
         step(&mut app);
         let (cpu, wall) = (cpu_seconds() - cpu, wall.elapsed().as_secs_f64());
         let picture = capture(&app, &image)?;
-        // The counters of this frame: the device is idle, so they arrive with an empty update of the ring.
-        let counters = newest_counters(&mut app, camera);
+        // Of this very frame: the device has been waited for.
+        let counters = app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default();
         let eye = app.world().get::<Transform>(camera).map_or(Vec3::ZERO, |t| t.translation);
         rows.push(FrameStats {
             frame,
@@ -157,10 +157,4 @@ pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     );
     println!("frames, sheet.png and stats.csv in {}", args.out.display());
     Ok(())
-}
-
-/// The counters of the frame just drawn: they come back with the next one's clean-up, so those of the frame before
-/// are told from it by their number.
-fn newest_counters(app: &mut App, camera: Entity) -> bevy_treeline::ViewCounters {
-    app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default()
 }

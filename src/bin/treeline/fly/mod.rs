@@ -5,7 +5,10 @@ mod window;
 mod world;
 
 use crate::{
-    options::{BakeOptions, SplatPathArg, ToolError, ToolResult, bake_with_progress, parse_size},
+    options::{
+        BakeOptions, SplatPathArg, ToolError, ToolResult, bake_with_progress, parse_quality,
+        parse_size,
+    },
     view::has_display,
 };
 use bevy_treeline::bake::Baked;
@@ -21,10 +24,10 @@ pub struct FlyArgs {
     #[arg(long, default_value_t = 4000)]
     pub count: usize,
     /// Height that the tallest model is scaled to, metres (0: as modelled).
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub height: f32,
     /// Side of the ground, metres.
-    #[arg(long, default_value_t = 1000.0)]
+    #[arg(long, default_value_t = 1000.0, allow_negative_numbers = true)]
     pub side: f32,
     /// Seed of ground, trees and flight.
     #[arg(long, default_value_t = 1)]
@@ -42,16 +45,16 @@ pub struct FlyArgs {
     #[arg(long, default_value = "out/fly")]
     pub out: PathBuf,
     /// q: points per pixel of surface.
-    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality)]
+    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality, allow_negative_numbers = true, value_parser = parse_quality)]
     pub quality: f32,
     /// Meshes up to this distance at least, metres.
-    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance)]
+    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance, allow_negative_numbers = true)]
     pub mesh_distance: f32,
     /// Part of the way around that a headless flight covers (small values: slow motion).
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub way: f32,
     /// Where on the way it starts, 0 to 1.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub start: f32,
     /// No points: to see what the ground and the near meshes cost.
     #[arg(long)]
@@ -99,8 +102,9 @@ pub fn run(args: &FlyArgs) -> ToolResult {
         args.height.is_finite() && args.height >= 0.0,
         "--height must be 0 (as modelled) or a height in metres",
     )?;
-    let fits = args.quality.is_finite() && (0.05..=16.0).contains(&args.quality);
-    check(fits, "--quality must be 0.05 to 16")?;
+    let distance = args.mesh_distance;
+    check(distance >= 0.0, "--mesh-distance must be 0 or a distance in metres")?;
+    check(args.start.is_finite() && args.way.is_finite(), "--start and --way must be numbers")?;
     let files = if args.trees.is_empty() { default_trees()? } else { args.trees.clone() };
     let windowed = !args.headless && has_display();
     if !windowed {

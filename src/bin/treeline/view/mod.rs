@@ -3,7 +3,10 @@
 mod window;
 
 use crate::{
-    options::{BakeOptions, SplatPathArg, ToolResult, bake_with_progress, make_folder, write_png},
+    options::{
+        BakeOptions, SplatPathArg, ToolResult, bake_with_progress, make_folder, parse_quality,
+        write_png,
+    },
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
 };
@@ -23,7 +26,7 @@ pub struct ViewArgs {
     #[arg(long, default_value = "out/view")]
     out: PathBuf,
     /// q: points per pixel of surface.
-    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality)]
+    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality, allow_negative_numbers = true, value_parser = parse_quality)]
     quality: f32,
     /// Kernels that draw the points.
     #[arg(long, value_enum, default_value = "auto")]
@@ -75,7 +78,7 @@ fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
         shots.push((format!("{} deg", turn * 90), d0, azimuth, 0.15f32));
     }
     shots.push(("from above".into(), d0, 0.4, 1.2));
-    for times in [0.5, 0.75, 1.0, 1.5, 2.0, 4.0, 8.0] {
+    for times in [0.5, 0.8, 0.94, 1.0, 2.0, 4.0, 8.0] {
         shots.push((format!("{times} d0"), d0 * times, 0.4, 0.15));
     }
     let bar = ProgressBar::new(shots.len() as u64 * 3);
