@@ -105,7 +105,8 @@ fn a_tint_changes_the_colour_and_nothing_else() {
 #[test]
 fn points_cover_what_the_mesh_covers() {
     let sun = Vec3::new(-0.5, -0.7, -0.5);
-    for name in ["broadleaf", "birch", "conifer"] {
+    // Needles are thinner than the LDI pixels of these small bakes.
+    for (name, tolerance) in [("broadleaf", 0.05), ("birch", 0.05), ("conifer", 0.09)] {
         let Some((mut stage, tree)) = planted("points_cover", sun, false) else { return };
         let asset = stage.tree(name, false);
         stage.world().get_mut::<TreeImpostor>(tree).expect("it is there").tree = asset;
@@ -128,9 +129,11 @@ fn points_cover_what_the_mesh_covers() {
         let d0 = prefix_count::d0(baked(name).data.pixel, z0);
         let projection = PerspectiveProjection { fov: 2.0 * (80.0 / z0).atan(), ..default() };
         for times in [1.0, 2.0, 4.0] {
-            let place = before(name, d0 * times);
             // The same piece of that screen whatever the number of pixels.
-            let mut shot = |size: u32, shown: &[Entity], hidden: &[Entity]| {
+            let mut shot = |azimuth: f32, size: u32, shown: &[Entity], hidden: &[Entity]| {
+                let turn = Quat::from_rotation_y(azimuth) * Quat::from_rotation_x(-0.1);
+                let eye = middle + turn * Vec3::Z * d0 * times;
+                let place = Transform::from_translation(eye).looking_at(middle, Vec3::Y);
                 let world = stage.world();
                 for entity in shown {
                     world.entity_mut(*entity).insert(Visibility::Visible);
@@ -145,10 +148,16 @@ fn points_cover_what_the_mesh_covers() {
                 stage.world().despawn(camera);
                 coverage(&picture) / (size * size) as f32
             };
-            let points = shot(160, &[tree], &parts);
-            let mesh = shot(640, &parts, &[tree]);
+            let (mut points, mut mesh) = (0.0, 0.0);
+            for azimuth in [0.4, 2.3, 4.4] {
+                let (p, m) =
+                    (shot(azimuth, 160, &[tree], &parts), shot(azimuth, 480, &parts, &[tree]));
+                points += p;
+                mesh += m;
+            }
             let error = points / mesh - 1.0;
-            println!("{name} at {times} d0: {:.2} %", error * 100.0);
+            println!("{name} at {times} d0: {:.1} %", error * 100.0);
+            assert!(error.abs() < tolerance, "{name} at {times} d0: {error}");
         }
     }
 }

@@ -297,11 +297,10 @@ fn a_moved_turned_and_scaled_tree_looks_like_a_moved_camera() {
     stage.world().entity_mut(tree).insert(Transform::default());
     stage.world().entity_mut(camera).insert(look(Quat::from_rotation_y(-0.8) * eye));
     let walked = stage.shoot(&image, LOADED);
-    assert!(flip(&walked, &turned) < 0.02, "FLIP {}", flip(&walked, &turned));
+    assert!(flip(&walked, &turned) < 0.003, "FLIP {}", flip(&walked, &turned));
     stage.world().entity_mut(camera).insert(look(eye));
     let other_side = stage.shoot(&image, LOADED);
-    let difference = flip(&walked, &other_side);
-    assert!(difference > 0.03, "a turn shows: FLIP {difference}, {}", flip(&walked, &turned));
+    assert!(flip(&walked, &other_side) > 0.01, "a turn shows");
 }
 
 #[test]
@@ -325,4 +324,33 @@ fn a_forest_that_moves_is_a_single_tree_that_moves() {
     let picture = stage.shoot(&image, LOADED);
     assert!(coverage(&single) > 300.0);
     assert!(flip(&single, &picture) < 0.01, "FLIP {}", flip(&single, &picture));
+}
+
+/// A blue sky behind a red wall: blue pixels are holes in both.
+#[test]
+#[ignore = "Bevy 0.19.1 does not dither in a prepass of depth alone, whatever the alpha mode; see `near_material`"]
+fn a_tree_in_the_crossfade_band_has_no_holes_behind_a_depth_prepass() {
+    for prepass in [false, true] {
+        let Some(mut stage) = Stage::new("no_holes", SplatPath::Auto) else { return };
+        stage.world().insert_resource(ClearColor(Color::srgb(0.0, 0.0, 1.0)));
+        let red =
+            StandardMaterial { base_color: Color::srgb(1.0, 0.0, 0.0), unlit: true, ..default() };
+        stage.cuboid(Vec3::new(100.0, 100.0, 1.0), red, Vec3::Z * -20.0);
+        let tree = stage.tree(TREE, true);
+        stage.world().spawn((TreeImpostor::new(tree), Transform::from_scale(Vec3::splat(0.5))));
+        stage.light(SUN, false);
+        for distance in [13.6, 14.2, 14.8] {
+            let middle = baked(TREE).data.bounds.center() * 0.5;
+            let place = Transform::from_translation(middle + Vec3::Z * distance);
+            let (camera, image) = stage.view(SIZE, place.looking_at(middle, Vec3::Y));
+            if prepass {
+                stage.world().entity_mut(camera).insert(DepthPrepass);
+            }
+            let picture = stage.shoot(&image, 9);
+            assert_eq!(stage.counters(camera).in_fade, 1);
+            let holes = picture.pixels().filter(|p| p[2] > 200 && p[0] < 50).count();
+            assert_eq!(holes, 0, "at {distance}, prepass {prepass}");
+            stage.world().despawn(camera);
+        }
+    }
 }

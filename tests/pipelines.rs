@@ -100,7 +100,7 @@ fn cameras_of_every_kind_share_an_app() {
         let Some(mut stage) = planted(path, true) else { continue };
         for (name, change) in KINDS {
             let (camera, _) = stage.view(SIZE, before("birch", 20.0));
-            change(&mut stage.world().entity_mut(camera).insert(Name::new(name)));
+            change(stage.world().entity_mut(camera).insert(Name::new(name)));
         }
         // A camera like another needs no pipeline.
         stage.view(SIZE, before("birch", 30.0));
