@@ -2,6 +2,7 @@
 //! memory traffic and frame time in one run; and what selection and splatting cost for themselves.
 
 use crate::{
+    fly::headless::span,
     headless::{cpu_seconds, headless_app, render_target, step, target},
     options::ToolResult,
     scene,
@@ -9,7 +10,8 @@ use crate::{
 };
 use bevy::{camera::Projection, prelude::*};
 use bevy_treeline::{
-    Forest, SplatPath, TreeInstance, TreelineCounters, TreelineSettings, bake::Baked, lod::prefix_count,
+    Forest, SplatPath, TreeInstance, TreelineCounters, TreelineSettings, bake::Baked,
+    lod::prefix_count,
 };
 use std::time::Instant;
 
@@ -43,7 +45,8 @@ fn measure(app: &mut App, frames: u32) -> Cost {
 fn places(distance: f32, center: Vec3) -> impl Iterator<Item = TreeInstance> {
     (0..INSTANCES).map(move |i| {
         let (column, row) = ((i % 10) as f32 - 4.5, (i / 10) as f32 - 2.0);
-        let direction = Quat::from_euler(EulerRot::YXZ, column * 0.11, row * 0.12, 0.0) * Vec3::NEG_Z;
+        let direction =
+            Quat::from_euler(EulerRot::YXZ, column * 0.11, row * 0.12, 0.0) * Vec3::NEG_Z;
         let rotation = Quat::from_rotation_y(i as f32);
         TreeInstance { rotation, ..TreeInstance::at(direction * distance - rotation * center) }
     })
@@ -57,7 +60,12 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
     let d0 = prefix_count::d0(baked.data.pixel, z0());
     let points_only = scene::add_tree(world, baked, false);
     let mesh = scene::add_near_mesh(world, baked);
-    let mesh_bytes = baked.model.meshes.iter().map(|m| m.positions.len() * 32 + m.triangles.len() * 12).sum::<usize>();
+    let mesh_bytes = baked
+        .model
+        .meshes
+        .iter()
+        .map(|m| m.positions.len() * 32 + m.triangles.len() * 12)
+        .sum::<usize>();
     let image = target(&mut app, SIZE.x, SIZE.y);
     let projection = PerspectiveProjection { near: d0 * 0.001, ..default() };
     let settings = TreelineSettings { quality: 1.0, ..default() };
@@ -77,12 +85,16 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
         empty.wall_ms,
         empty.cpu_ms
     );
-    println!("distance  points each      MB  points: ms  CPU ms  M points/CPU-s |  mesh: ms  CPU ms");
+    println!(
+        "distance  points each      MB  points: ms  CPU ms  M points/CPU-s |  mesh: ms  CPU ms"
+    );
     for distance in [d0, 2.0 * d0, 4.0 * d0, 8.0 * d0] {
         let forest = Forest::new([points_only.clone()]).with(places(distance, center));
         let forest = app.world_mut().spawn(forest).id();
         let points = measure(&mut app, 8);
         let counters = app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default();
+        let spans = ["select", "splat", "classify", "resolve"]
+            .map(|pass| format!("{pass} {:.1}", span(&app, pass).unwrap_or(f64::NAN)));
         app.world_mut().despawn(forest);
         let mut meshes = vec![];
         for place in places(distance, center) {
@@ -96,7 +108,12 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
                     center: part.center.into(),
                     half_extents: part.half_extents.into(),
                 };
-                let bundle = (Mesh3d(part.mesh.clone()), MeshMaterial3d(part.material.clone()), transform, aabb);
+                let bundle = (
+                    Mesh3d(part.mesh.clone()),
+                    MeshMaterial3d(part.material.clone()),
+                    transform,
+                    aabb,
+                );
                 meshes.push(app.world_mut().spawn(bundle).id());
             }
         }
@@ -104,6 +121,11 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
         for entity in meshes {
             app.world_mut().despawn(entity);
         }
+        println!(
+            "          GPU ms: {}; {} pixels show points",
+            spans.join(", "),
+            counters.covered_pixels
+        );
         let each = counters.points as usize / INSTANCES;
         println!(
             "{distance:8.1}  {each:11}  {:6.2}  {:10.1}  {:6.1}  {:14.1} | {:9.1}  {:6.1}",
@@ -116,7 +138,8 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
         );
     }
     // Behind the camera: seen and culled, nothing drawn.
-    let behind = (0..10_000).map(|i| TreeInstance::at(Vec3::new((i % 100) as f32, 0.0, 10.0 + (i / 100) as f32) * d0));
+    let behind = (0..10_000)
+        .map(|i| TreeInstance::at(Vec3::new((i % 100) as f32, 0.0, 10.0 + (i / 100) as f32) * d0));
     let forest = Forest::new([points_only]).with(behind);
     app.world_mut().spawn(forest);
     let culled = measure(&mut app, 60);

@@ -1,6 +1,6 @@
 //! `treeline fly`: a flight over a forest, in a window or as frames with statistics.
 
-mod headless;
+pub mod headless;
 mod window;
 mod world;
 
