@@ -31,8 +31,8 @@ fn call_all(@builtin(global_invocation_id) id: vec3<u32>) {
     let bits = encode_bits(normal, 8u, 7u);
     var values = array<f32, 22>(
         position.x, position.y, position.z, face.x, face.y, face.z, normal.x, normal.y, normal.z,
-        albedo.x, albedo.y, albedo.z, f32(surfel_is_one_sided(w.y)), f32(surfel_flags(w.w)), surfel_roughness(w.w),
-        surfel_ambient_visibility(w.w), f32(surfel_group(w.w)), unit_from_bits(w.x), square.x, square.y,
+        albedo.x, albedo.y, albedo.z, f32(surfel_is_one_sided(w.y)) + 2.0 * f32(surfel_thickness(w.y)), f32(surfel_flags(w.w)), surfel_roughness(w.w),
+        surfel_ambient_visibility(w.w), f32(surfel_group(w.w)) + surfel_metallic(w.w), unit_from_bits(w.x), square.x, square.y,
         f32(bits.x), f32(bits.y),
     );
     for (var i = 0u; i < 22u; i++) {
@@ -55,8 +55,8 @@ fn expected(words: [u32; 4]) -> [f32; WRITTEN] {
     #[rustfmt::skip] // in the order of the shader
     let values = [
         p.x, p.y, p.z, f.x, f.y, f.z, n.x, n.y, n.z,
-        albedo[0], albedo[1], albedo[2], one_sided, f32::from(s.flags), s.roughness,
-        ambient, f32::from(s.group), hash::unit_from_bits(words[0]), square.x, square.y,
+        albedo[0], albedo[1], albedo[2], one_sided + 2.0 * f32::from(s.thickness), f32::from(s.flags), s.roughness,
+        ambient, f32::from(s.group) + s.metallic, hash::unit_from_bits(words[0]), square.x, square.y,
         bits[0], bits[1],
     ];
     values

@@ -27,6 +27,19 @@ fn rotate(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     return v + q.w * t + cross(q.xyz, t);
 }
 
+fn matrix_of(q: vec4<f32>) -> mat3x3<f32> {
+    let twice = q.xyz + q.xyz;
+    let x = twice * q.x;
+    let y = twice * q.y;
+    let z = twice * q.z;
+    let w = twice * q.w;
+    return mat3x3<f32>(
+        vec3(1.0 - (y.y + z.z), x.y + w.z, x.z - w.y),
+        vec3(x.y - w.z, 1.0 - (x.x + z.z), y.z + w.x),
+        vec3(x.z + w.y, y.z - w.x, 1.0 - (x.x + y.y)),
+    );
+}
+
 // Colour factor: 128 is 1.
 fn tint_of(instance: TreeInstance) -> vec3<f32> {
     return unpack4x8unorm(instance.tint).rgb * (255.0 / 128.0);

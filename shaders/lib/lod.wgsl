@@ -2,7 +2,7 @@
 #define_import_path bevy_treeline::lod
 
 const PI: f32 = 3.14159265;
-const CLOSED_DISC_OVERLAP: f32 = 1.57079633;
+const CLOSED_OVERLAP: f32 = 2.0;
 
 struct FadeBand {
     near: f32,
@@ -48,10 +48,17 @@ fn disc_radius(area: f32, n: f32) -> f32 {
     return sqrt(area / max(n, 1e-6) / PI);
 }
 
-fn overlap(radius: f32, leaf_area: f32, is_leaf: bool, gain: f32, is_cell: bool) -> f32 {
-    if !is_leaf || leaf_area <= 0.0 {
-        return select(CLOSED_DISC_OVERLAP, 1.0 + gain, is_cell);
+fn overlap(radius: f32, leaf_area: f32, gain: f32, thickness: u32, is_one_sided: bool, spacing: f32) -> f32 {
+    var leaf = 1.0 + gain;
+    if !is_one_sided && leaf_area > 0.0 {
+        let a = PI * radius * radius;
+        leaf = 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
     }
-    let a = PI * radius * radius;
-    return 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
+    // TRUSTED_THICKNESS: 1, 3, 8, 24 pixels, or 0, 0, 0, 6.
+    var trusted = select(0.0, 6.0, thickness == 3u);
+    if is_one_sided {
+        trusted = select(select(1.0, 3.0, thickness == 1u), select(8.0, 24.0, thickness == 3u), thickness >= 2u);
+    }
+    let closed = clamp(trusted / (2.0 * spacing) - 1.0, 0.0, 1.0);
+    return leaf + (CLOSED_OVERLAP - leaf) * closed;
 }

@@ -11,8 +11,13 @@ const SURFEL_UNLIT: u32 = 4u;
 
 // Hot half: model space, within the model's box.
 fn surfel_position(position_xy: u32, position_z_face: u32, box_lo: vec3<f32>, box_extent: vec3<f32>) -> vec3<f32> {
-    let q = vec3<u32>(position_xy & 0xffffu, position_xy >> 16u, position_z_face & 0xffffu);
-    return box_lo + vec3<f32>(q) / 65535.0 * box_extent;
+    let q = vec3<u32>(position_xy & 0xffffu, position_xy >> 16u, position_z_face & 0x3fffu);
+    return box_lo + vec3<f32>(q) / vec3(65535.0, 65535.0, 16383.0) * box_extent;
+}
+
+// Hot half: thickness class, 0 to 3.
+fn surfel_thickness(position_z_face: u32) -> u32 {
+    return (position_z_face >> 14u) & 3u;
 }
 
 // Hot half: unit normal of the triangle.
@@ -60,5 +65,10 @@ fn surfel_ambient_visibility(albedo_b_misc: u32) -> f32 {
 
 // Cold half: colour class for deferred blending.
 fn surfel_group(albedo_b_misc: u32) -> u32 {
-    return albedo_b_misc >> 24u;
+    return (albedo_b_misc >> 24u) & 15u;
+}
+
+// Cold half: metalness, 0 to 1.
+fn surfel_metallic(albedo_b_misc: u32) -> f32 {
+    return f32(albedo_b_misc >> 28u) / 15.0;
 }

@@ -6,7 +6,7 @@
 #import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_types::{STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT, pbr_input_new}
 #import bevy_treeline::instance::{rotate, rotation_of, tint_of}
-#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_roughness, surfel_normal}
+#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
 @group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
@@ -66,7 +66,7 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
         pbr.N = select(-normal, normal, dot(face, pbr.V) >= 0.0);
         pbr.world_normal = pbr.N;
         pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
-        pbr.material.metallic = 0.0;
+        pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);
         pbr.diffuse_occlusion = vec3(surfel_ambient_visibility(cold.albedo_b_misc));
         color = pbr_functions::apply_pbr_lighting(pbr);
     }

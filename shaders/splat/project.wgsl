@@ -2,10 +2,10 @@
 // pixels it may touch.
 #define_import_path bevy_treeline::project
 
-#import bevy_treeline::instance::{rotate, rotation_of, species_of}
+#import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
 #import bevy_treeline::lod::{PI, overlap}
 #import bevy_treeline::splat_bindings::{instances, items, settings, species, surfels_hot, view}
-#import bevy_treeline::surfel::{surfel_face_normal, surfel_is_one_sided, surfel_position}
+#import bevy_treeline::surfel::{surfel_face_normal, surfel_is_one_sided, surfel_position, surfel_thickness}
 
 // Below this cosine between view and normal a splat is a line, and its plane no use.
 const EDGE_ON: f32 = 0.02;
@@ -45,54 +45,60 @@ fn project(item_index: u32, lane: u32) -> Splat {
     let instance = instances[item.instance];
     let kind = species[species_of(instance)];
     let surfel = surfels_hot[item.first_point + lane];
-    let rotation = rotation_of(instance);
     let model = surfel_position(surfel.position_xy, surfel.position_z_face, kind.lo, kind.extent);
-    let world = instance.position + rotate(rotation, model * instance.scale);
-    let model_face = surfel_face_normal(surfel.position_z_face);
-    let face = rotate(rotation, model_face);
+    let face = surfel_face_normal(surfel.position_z_face);
+    // One matrix for everything: rotations are the same for all points of an item, but a lane has no one to ask.
+    let view_from_model = mat3x3<f32>(view.view_from_world[0].xyz, view.view_from_world[1].xyz, view.view_from_world[2].xyz) * matrix_of(rotation_of(instance));
+    let foot = view.view_from_world * vec4(instance.position, 1.0);
+    splat.center = foot.xyz + view_from_model * (model * instance.scale);
+    splat.normal = view_from_model * face;
+    splat.plane = dot(splat.normal, splat.center);
 
-    let clip = view.clip_from_world * vec4(world, 1.0);
+    let clip = view.clip_from_view * vec4(splat.center, 1.0);
     // In front of the near plane: reversed z puts it at depth 1.
     if clip.w <= 0.0 || clip.z > clip.w {
         return splat;
     }
     let orthographic = settings.orthographic != 0u;
-    let to_eye = select(normalize(view.world_position - world), view.world_from_view[2].xyz, orthographic);
-    let facing = dot(face, to_eye);
+    // Cosine between normal and view, times the distance.
+    let toward = select(-splat.plane, splat.normal.z, orthographic);
+    let away = select(length(splat.center), 1.0, orthographic);
     let one_sided = surfel_is_one_sided(surfel.position_z_face);
-    if abs(facing) < EDGE_ON || (facing < 0.0 && one_sided) {
+    if abs(toward) < EDGE_ON * away || (toward < 0.0 && one_sided) {
         return splat;
     }
     let ndc = clip.xyz / clip.w;
     splat.pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(settings.size);
     splat.unit = clip.w / settings.pixels_per_unit;
     splat.depth = bitcast<u32>(ndc.z);
-    splat.center = (view.view_from_world * vec4(world, 1.0)).xyz;
-    splat.normal = (view.view_from_world * vec4(face, 0.0)).xyz;
-    splat.plane = dot(splat.normal, splat.center);
 
     let leaf_area = kind.mean_leaf_area * instance.scale * instance.scale;
     let shape = select(settings.splat_shape, DISCS, settings.splat_shape == CELLS && kind.sample_share == 0.0);
-    let grown = overlap(item.radius, leaf_area, !one_sided, settings.overlap_gain, shape == CELLS);
+    // Mean distance of drawn points in LDI pixels: sqrt(N0 / N), from what each stands for.
+    let pixel = kind.pixel * instance.scale;
+    let spacing = item.radius / pixel * sqrt(PI * max(kind.sample_share, 0.6));
+    let grown = overlap(item.radius, leaf_area, settings.overlap_gain, surfel_thickness(surfel.position_z_face), one_sided, spacing);
     // Area of the splat; of a cell, as seen along the peeling direction.
     var area = PI * item.radius * item.radius * grown;
     var reach = sqrt(area / PI);
     if shape == CELLS {
         // A point stands for what an LDI pixel hits: the piece of the surface that is a square as seen along the
         // peeling direction, which is the one its face is most parallel to. On a slanted face it is longer that way.
-        let steep = abs(model_face);
-        var axis = vec3(0.0, 0.0, 1.0);
+        let steep = abs(face);
+        var steepest = steep.z;
+        splat.right = view_from_model[0];
+        splat.up = view_from_model[1];
         if steep.x >= steep.y && steep.x >= steep.z {
-            axis = vec3(1.0, 0.0, 0.0);
+            steepest = steep.x;
+            splat.right = view_from_model[2];
         } else if steep.y >= steep.z {
-            axis = vec3(0.0, 1.0, 0.0);
+            steepest = steep.y;
+            splat.up = view_from_model[2];
         }
         area *= kind.sample_share;
-        splat.right = (view.view_from_world * vec4(rotate(rotation, axis.yzx), 0.0)).xyz;
-        splat.up = (view.view_from_world * vec4(rotate(rotation, axis.zxy), 0.0)).xyz;
         splat.size = 0.5 * sqrt(area);
         // To the corner of the cell, on the slanted face.
-        reach = 1.41421356 * splat.size / dot(steep, axis);
+        reach = 1.41421356 * splat.size / steepest;
     } else if shape == DISCS {
         splat.size = area / PI;
     } else {
@@ -101,7 +107,7 @@ fn project(item_index: u32, lane: u32) -> Splat {
     reach /= splat.unit;
     if shape <= DISCS && !orthographic {
         // Perspective stretches bodies away from the axis.
-        reach *= length(splat.center) / max(-splat.center.z, 1e-6) * (1.0 + reach / settings.pixels_per_unit);
+        reach *= away / max(-splat.center.z, 1e-6) * (1.0 + reach / settings.pixels_per_unit);
     }
     splat.begin = max(vec2<i32>(ceil(splat.pixel - reach - 0.5)), vec2(0));
     splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), vec2<i32>(settings.size));

@@ -34,8 +34,10 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
                 albedo,
                 flags: SURFEL_LEAF | SURFEL_TWO_SIDED,
                 roughness: 0.8,
+                thickness: 1,
                 ambient_visibility: 255,
                 group: 0,
+                metallic: 0.0,
             });
         }
     }

@@ -184,7 +184,6 @@ impl TreeBaker<'_> {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 fn finish_bakes(
     mut tasks: ResMut<BakeTasks>,
     mut trees: ResMut<Assets<TreeAsset>>,

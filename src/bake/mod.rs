@@ -22,6 +22,7 @@ pub mod surfels;
 #[cfg(test)]
 mod test_models;
 mod texture;
+mod thickness;
 
 pub use assemble::{BakeContext, BakeError, BakeStage, Baked, bake_file, bake_model};
 pub use entities::{EntityModelError, model_of_entities};

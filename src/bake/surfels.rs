@@ -2,12 +2,14 @@
 
 use super::peel::{PeelDirection, PeelOutput};
 use super::source::{SourceMaterial, SourceModel};
+use super::thickness::thickness_classes;
 use crate::asset::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel};
 
 /// The surfel of each sample. Ambient visibility is open (255) and the group 0: later stages of the bake write them.
 pub fn surfels(model: &SourceModel, output: &PeelOutput) -> Vec<Surfel> {
     let fallback = SourceMaterial::default();
-    let surfel = |sample: &super::peel::PeelSample| {
+    let thickness = thickness_classes(output);
+    let surfel = |(sample, thickness): (&super::peel::PeelSample, &u8)| {
         let material = model.materials.get(usize::from(sample.material)).unwrap_or(&fallback);
         Surfel {
             position: sample.position,
@@ -15,12 +17,14 @@ pub fn surfels(model: &SourceModel, output: &PeelOutput) -> Vec<Surfel> {
             normal: sample.normal,
             albedo: sample.albedo,
             flags: flags(material),
+            thickness: *thickness,
             roughness: material.perceptual_roughness,
             ambient_visibility: 255,
             group: 0,
+            metallic: material.metallic,
         }
     };
-    output.samples.iter().map(surfel).collect()
+    output.samples.iter().zip(&thickness).map(surfel).collect()
 }
 
 fn flags(material: &SourceMaterial) -> u8 {

@@ -33,8 +33,9 @@ impl ForestIndex {
     pub fn near(&self, center: Vec3, radius: f32) -> Vec<u32> {
         let square = Aabb { min: center - radius, max: center + radius };
         let (low, high) = (cell_of(square.min), cell_of(square.max));
-        let span = (high - low + 1).as_i64vec2();
-        let mut found: Vec<u32> = if span.x * span.y > self.cells.len() as i64 {
+        // Cells at infinity are at the ends of `i32`.
+        let span = high.as_i64vec2() - low.as_i64vec2() + 1;
+        let mut found: Vec<u32> = if span.x.saturating_mul(span.y) > self.cells.len() as i64 {
             let inside = |cell: IVec2| cell.cmpge(low).all() && cell.cmple(high).all();
             self.cells
                 .iter()
@@ -72,9 +73,12 @@ mod tests {
             |i: u32| Vec3::new((i % 50) as f32 * 7.0 - 100.0, 0.0, (i / 50) as f32 * 9.0 - 200.0);
         let forest = Forest::new([]).with((0..2500).map(|i| TreeInstance::at(at(i))));
         let index = ForestIndex::build(&forest);
-        for (center, radius) in
-            [(Vec3::ZERO, 20.0), (Vec3::new(60.0, 3.0, -50.0), 75.0), (Vec3::ZERO, 1e6)]
-        {
+        for (center, radius) in [
+            (Vec3::ZERO, 20.0),
+            (Vec3::new(60.0, 3.0, -50.0), 75.0),
+            (Vec3::ZERO, 1e6),
+            (Vec3::ZERO, f32::INFINITY),
+        ] {
             let found = index.near(center, radius);
             let missed =
                 (0..2500u32).filter(|&i| at(i).distance(center) < radius && !found.contains(&i));

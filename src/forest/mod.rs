@@ -32,6 +32,10 @@ pub(crate) struct ForestPlugin;
 
 impl Plugin for ForestPlugin {
     fn build(&self, app: &mut App) {
+        // Without a renderer nobody else has made the assets that near meshes consist of.
+        init_missing_asset::<Mesh>(app);
+        init_missing_asset::<StandardMaterial>(app);
+        init_missing_asset::<Image>(app);
         app.init_asset::<TreeAsset>()
             .init_asset::<NearMesh>()
             .init_resource::<NearMeshes>()
@@ -56,5 +60,12 @@ impl Plugin for ForestPlugin {
                     lod_state::update_lod_state.in_set(TreelineSystems::LodState),
                 ),
             );
+    }
+}
+
+/// A second `init_asset` would drop every asset of the type.
+fn init_missing_asset<A: Asset>(app: &mut App) {
+    if !app.world().contains_resource::<Assets<A>>() {
+        app.init_asset::<A>();
     }
 }

@@ -45,13 +45,17 @@ struct Slot {
     dithered: bool,
 }
 
+/// Materials of near meshes by their source, tint, and whether they are dithered.
+type TintedMaterials =
+    HashMap<(AssetId<StandardMaterial>, [u8; 3], bool), Handle<StandardMaterial>>;
+
 /// The pool. Its limit is yours to set.
 #[derive(Resource)]
 pub struct NearMeshes {
     /// Trees at most that are meshes at one time, nearest first; the others stay points. Default: 96.
     pub max_trees: usize,
     slots: HashMap<NearTree, Slot>,
-    tinted: HashMap<(AssetId<StandardMaterial>, [u8; 3], bool), Handle<StandardMaterial>>,
+    tinted: TintedMaterials,
     /// Trees within range that the limit left as points, last frame.
     left_as_points: usize,
 }
@@ -278,7 +282,7 @@ pub(super) fn update_near_meshes(
 /// cuts: Bevy 0.19's depth-only prepass applies the dither only to materials that may discard, and would otherwise
 /// write the depth of pixels that the main pass leaves open.
 fn near_material(
-    made: &mut HashMap<(AssetId<StandardMaterial>, [u8; 3], bool), Handle<StandardMaterial>>,
+    made: &mut TintedMaterials,
     materials: &mut Assets<StandardMaterial>,
     source: &Handle<StandardMaterial>,
     tint: [u8; 3],

@@ -47,7 +47,7 @@ pub struct TreelineSettings {
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
     /// Points per frame at most, in millions; 64 points are a work item, and items that do not fit are counted and
-    /// reported. 16 bytes of GPU memory for each 64 points. Default: 16.
+    /// reported. 16 bytes of GPU memory for each 64 points. Default: 32.
     pub point_capacity_millions: f32,
 }
 
@@ -61,7 +61,7 @@ impl Default for TreelineSettings {
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
-            point_capacity_millions: 16.0,
+            point_capacity_millions: 32.0,
         }
     }
 }
@@ -83,7 +83,7 @@ impl TreelineSettings {
         clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
         clamp(&mut out.overlap_gain, 0.0, 1.0, 0.15, "overlap_gain");
-        clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
+        clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 32.0, "point_capacity_millions");
         (out, moved)
     }
 }

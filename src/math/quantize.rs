@@ -1,20 +1,16 @@
-//! Positions as 16-bit numbers within a box. The WGSL twin is `shaders/lib/surfel.wgsl`.
+//! Positions as 16-, 16- and 14-bit numbers within a box. The WGSL twin is `shaders/lib/surfel.wgsl`.
 
 use super::bounding::Aabb;
 use bevy::math::Vec3;
 
-/// Largest value of a quantised coordinate.
-pub const POSITION_STEPS: f32 = 65535.0;
+/// Largest value of each quantised coordinate. Two bits of z hold the thickness class of a surfel.
+pub const POSITION_STEPS: Vec3 = Vec3::new(65535.0, 65535.0, 16383.0);
 
-/// `position` in 1/65535ths of the box, rounded to nearest and clamped to it.
+/// `position` in steps of the box, rounded to nearest and clamped to it.
 pub fn quantize_position(position: Vec3, bounds: &Aabb) -> [u16; 3] {
     let extent = bounds.extent().max(Vec3::splat(f32::MIN_POSITIVE));
     let unit = (position - bounds.min) / extent;
-    (unit * POSITION_STEPS)
-        .round()
-        .clamp(Vec3::ZERO, Vec3::splat(POSITION_STEPS))
-        .to_array()
-        .map(|v| v as u16)
+    (unit * POSITION_STEPS).round().clamp(Vec3::ZERO, POSITION_STEPS).to_array().map(|v| v as u16)
 }
 
 /// The inverse of [`quantize_position`].

@@ -3,15 +3,20 @@
 use super::view::{ViewTrees, Views};
 use crate::gpu::{readback::ReadbackRing, types::GpuCounters};
 use bevy::{
+    platform::collections::HashSet,
     prelude::*,
     render::{
+        camera::ExtractedCamera,
         renderer::{RenderContext, RenderDevice, ViewQuery},
         sync_world::MainEntity,
     },
 };
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 /// What one camera's view drew in the newest frame that has come back.
@@ -58,12 +63,12 @@ pub struct TreelineCounters {
 }
 
 impl TreelineCounters {
-    /// The newest counters of a camera, once a frame has come back.
+    /// The newest counters of a camera, once a frame has come back. `None` for one that draws no trees (any more).
     pub fn of(&self, camera: Entity) -> Option<ViewCounters> {
         self.all().get(&camera).copied()
     }
 
-    /// The newest counters of every camera, by entity.
+    /// The newest counters of every camera that draws trees, by entity.
     pub fn all(&self) -> BTreeMap<Entity, ViewCounters> {
         self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }
@@ -71,20 +76,54 @@ impl TreelineCounters {
     fn set(&self, camera: Entity, counters: ViewCounters) {
         self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).insert(camera, counters);
     }
+
+    fn retain(&self, mut is_drawn: impl FnMut(Entity) -> bool) {
+        let mut views = self.views.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        views.retain(|camera, _| is_drawn(*camera));
+    }
 }
 
 /// Staging of the counters.
 #[derive(Resource)]
 pub(super) struct CounterReadback {
+    // Systems of several views may record at one time.
     ring: Mutex<ReadbackRing<(Entity, u64)>>,
     frame: u64,
-    overflow_reported: bool,
 }
 
 impl FromWorld for CounterReadback {
-    fn from_world(_: &mut World) -> Self {
-        let ring = ReadbackRing::new(size_of::<GpuCounters>() as u64).into();
-        Self { ring, frame: 0, overflow_reported: false }
+    fn from_world(world: &mut World) -> Self {
+        let counters = world.get_resource::<TreelineCounters>().cloned().unwrap_or_default();
+        let overflow_reported = AtomicBool::new(false);
+        let publish = move |(camera, frame): (Entity, u64), bytes: &[u8]| {
+            let c: GpuCounters = bytemuck::pod_read_unaligned(bytes);
+            if c.item_overflow > 0 && !overflow_reported.swap(true, Ordering::Relaxed) {
+                warn!(
+                    "{} of {} work items did not fit and their points are missing: raise \
+                     `TreelineSettings::point_capacity_millions` or lower `quality`",
+                    c.item_overflow,
+                    c.items + c.item_overflow
+                );
+            }
+            counters.set(
+                camera,
+                ViewCounters {
+                    frame,
+                    instances_seen: c.instances_seen,
+                    culled_frustum: c.culled_frustum,
+                    culled_small: c.culled_small,
+                    as_mesh: c.as_mesh,
+                    in_fade: c.in_fade,
+                    points: c.points,
+                    items: c.items,
+                    item_overflow: c.item_overflow,
+                    covered_blocks: c.covered_blocks,
+                    covered_pixels: c.covered_pixels,
+                },
+            );
+        };
+        let ring = ReadbackRing::new(size_of::<GpuCounters>() as u64, publish).into();
+        Self { ring, frame: 0 }
     }
 }
 
@@ -99,46 +138,20 @@ pub(super) fn copy_counters(
     let (trees, main_entity) = view.into_inner();
     let Some(buffers) = views.get(trees) else { return };
     let mut ring = readback.ring.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    ring.copy(
-        &device,
-        ctx.command_encoder(),
-        &buffers.counters,
-        (main_entity.id(), readback.frame),
-    );
+    let tag = (main_entity.id(), readback.frame);
+    ring.copy(&device, ctx.command_encoder(), &buffers.counters, tag);
 }
 
-/// Asks for this frame's counters and publishes those that have arrived.
-pub(super) fn map_counters(mut readback: ResMut<CounterReadback>, counters: Res<TreelineCounters>) {
-    let CounterReadback { ring, frame, overflow_reported } = &mut *readback;
-    *frame += 1;
-    let ring = ring.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner());
+/// Asks for this frame's counters, and forgets cameras that draw no trees any more.
+pub(super) fn map_counters(
+    mut readback: ResMut<CounterReadback>,
+    counters: Res<TreelineCounters>,
+    cameras: Query<&MainEntity, (With<ViewTrees>, With<ExtractedCamera>)>,
+) {
+    readback.frame += 1;
+    let ring = readback.ring.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner());
     ring.map_recorded();
-    ring.drain(|(camera, frame), bytes| {
-        let Ok(c) = bytemuck::try_from_bytes::<GpuCounters>(bytes) else { return };
-        if c.item_overflow > 0 && !*overflow_reported {
-            *overflow_reported = true;
-            warn!(
-                "{} of {} work items did not fit and their points are missing: raise \
-                 `TreelineSettings::point_capacity_millions` or lower `quality`",
-                c.item_overflow,
-                c.items + c.item_overflow
-            );
-        }
-        counters.set(
-            camera,
-            ViewCounters {
-                frame,
-                instances_seen: c.instances_seen,
-                culled_frustum: c.culled_frustum,
-                culled_small: c.culled_small,
-                as_mesh: c.as_mesh,
-                in_fade: c.in_fade,
-                points: c.points,
-                items: c.items,
-                item_overflow: c.item_overflow,
-                covered_blocks: c.covered_blocks,
-                covered_pixels: c.covered_pixels,
-            },
-        );
-    });
+    // Counters of earlier frames arrive after a camera has gone, too.
+    let drawn: HashSet<Entity> = cameras.iter().map(|camera| camera.id()).collect();
+    counters.retain(|camera| drawn.contains(&camera));
 }

@@ -184,8 +184,47 @@ pub(super) fn prepare_instances(
     let pool = &mut *pool;
     let resident =
         |id: &AssetId<TreeAsset>| surfels.index_of.get(id).copied().unwrap_or(SPECIES_NOT_RESIDENT);
+    let impostors: Vec<GpuTreeInstance> = trees
+        .impostors
+        .iter()
+        .map(|impostor| {
+            let mut packed = impostor.instance.pack();
+            packed.species_seed_flags =
+                packed.species_seed_flags & 0x00ff_0000 | resident(&impostor.species);
+            packed
+        })
+        .collect();
+
+    let forest_trees: usize = trees.forests.iter().map(|forest| forest.instances.len()).sum();
+    let wanted = (forest_trees + impostors.len()) as u64;
+    let limit =
+        (device.limits().max_storage_buffer_binding_size / INSTANCE_BYTES).min(u32::MAX.into());
+    pool.count = wanted.min(limit) as u32;
+    if wanted > limit && !pool.reported_limit {
+        error!(
+            "{wanted} trees need {} bytes in one buffer, and this device allows {limit} trees: the rest is not drawn.",
+            wanted * INSTANCE_BYTES
+        );
+        pool.reported_limit = true;
+    }
+    let capacity = pool.buffer.as_ref().map_or(0, |b| b.size() / INSTANCE_BYTES);
+    let grow = u64::from(pool.count) > capacity || pool.buffer.is_none();
+    if grow {
+        // Room for a few more single trees, so that spawning one does not make a new buffer each time.
+        let size =
+            (u64::from(pool.count) + 256).next_multiple_of(256).min(limit.max(1)) * INSTANCE_BYTES;
+        pool.buffer = Some(device.create_buffer(&BufferDescriptor {
+            label: Some("treeline_instances"),
+            size,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        }));
+        pool.generation += 1;
+        pool.flagged.clear();
+    }
     let mut packed_forests: Vec<GpuTreeInstance> = vec![];
-    let rewrite = !pool.is_current(&trees, &surfels);
+    // A new buffer holds no forests yet.
+    let rewrite = grow || !pool.is_current(&trees, &surfels);
     if rewrite {
         pool.forests.clear();
         for forest in &trees.forests {
@@ -213,49 +252,10 @@ pub(super) fn prepare_instances(
         pool.pool_generation = surfels.generation;
         pool.flagged.clear();
     }
-    let impostors: Vec<GpuTreeInstance> = trees
-        .impostors
-        .iter()
-        .map(|impostor| {
-            let mut packed = impostor.instance.pack();
-            packed.species_seed_flags =
-                packed.species_seed_flags & 0x00ff_0000 | resident(&impostor.species);
-            packed
-        })
-        .collect();
-
-    let wanted = u64::from(pool.first_impostor) + impostors.len() as u64;
-    let limit = u64::from(device.limits().max_storage_buffer_binding_size as u32) / INSTANCE_BYTES;
-    pool.count = wanted.min(limit) as u32;
-    if wanted > limit && !pool.reported_limit {
-        error!(
-            "{wanted} trees need {} bytes in one buffer, and this device allows {limit} trees: the rest is not drawn.",
-            wanted * INSTANCE_BYTES
-        );
-        pool.reported_limit = true;
-    }
-    let capacity = pool.buffer.as_ref().map_or(0, |b| b.size() / INSTANCE_BYTES);
-    let grow = u64::from(pool.count) > capacity || pool.buffer.is_none();
-    if grow {
-        // Room for a few more single trees, so that spawning one does not make a new buffer each time.
-        let size =
-            (u64::from(pool.count) + 256).next_multiple_of(256).min(limit.max(1)) * INSTANCE_BYTES;
-        pool.buffer = Some(device.create_buffer(&BufferDescriptor {
-            label: Some("treeline_instances"),
-            size,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        }));
-        pool.generation += 1;
-        pool.flagged.clear();
-    }
     let Some(buffer) = pool.buffer.clone() else { return };
     if rewrite {
         let fitting = packed_forests.len().min(pool.count as usize);
         queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&packed_forests[..fitting]));
-    } else if grow {
-        // The forests are current but their buffer is new: write them again next frame as a change.
-        pool.pool_generation = u64::MAX;
     }
     let room = (pool.count.saturating_sub(pool.first_impostor) as usize).min(impostors.len());
     if room > 0 {

@@ -99,6 +99,7 @@ fn item_buffer(device: &RenderDevice, capacity: u32) -> Buffer {
 }
 
 /// Makes and sizes the buffers of every camera's view, and writes its settings.
+#[expect(clippy::type_complexity, reason = "a query is its type")]
 pub(super) fn prepare_views(
     mut commands: Commands,
     mut views: ResMut<Views>,

@@ -103,7 +103,7 @@ impl TreeShape {
                 outside: [0.078, 0.165, 0.026],
                 top: [0.130, 0.220, 0.036],
                 color_jitter: 0.28,
-                roughness: 0.7,
+                roughness: 1.0,
             },
         }
     }
@@ -199,7 +199,7 @@ impl TreeShape {
                 outside: [0.125, 0.220, 0.034],
                 top: [0.190, 0.285, 0.050],
                 color_jitter: 0.3,
-                roughness: 0.6,
+                roughness: 1.0,
             },
         }
     }

@@ -36,6 +36,9 @@ pub struct CompareArgs {
     /// Overlap of splats, 0 to 1.
     #[arg(long, default_value_t = TreelineSettings::default().overlap_gain)]
     overlap: f32,
+    /// Instead: frame times of 50 instances at d0 to 8 d0, as points (q 1) and as meshes (the paper's Table 2).
+    #[arg(long)]
+    table2: bool,
     /// Shape of the splats.
     #[arg(long, value_enum, default_value = "cells")]
     splats: SplatArg,
@@ -119,6 +122,10 @@ pub fn run(args: &CompareArgs) -> ToolResult {
         return Err(ToolError::Message(format!(
             "--distances: {bad} is not a distance; give numbers above 0"
         )));
+    }
+    if args.table2 {
+        let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
+        return crate::table2::run(&baked, args.splat_path.into());
     }
     for (name, value, range) in [
         ("--overlap", args.overlap, 0.0..=1.0),

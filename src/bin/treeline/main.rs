@@ -11,6 +11,7 @@ mod options;
 mod scene;
 mod sheet;
 mod subject;
+mod table2;
 mod view;
 
 use clap::{Parser, Subcommand};

@@ -144,6 +144,7 @@ impl SpecializedRenderPipeline for ResolvePipeline {
     }
 }
 
+#[expect(clippy::type_complexity, reason = "a query is its type")]
 pub(super) fn specialize_resolve(
     mut commands: Commands,
     cameras: Query<(Entity, &ExtractedView), (With<ExtractedCamera>, With<Camera3d>)>,

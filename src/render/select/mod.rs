@@ -103,6 +103,7 @@ pub(super) struct SelectGroups {
     args: BindGroup,
 }
 
+#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 pub(super) fn prepare_select_groups(
     mut commands: Commands,
     cameras: Query<(Entity, &ViewTrees)>,

@@ -23,7 +23,7 @@ const WARM_UP: u32 = 6;
 /// Pictures of the contact sheet at most.
 const SHEET_CELLS: u32 = 12;
 
-#[derive(Serialize, Default)]
+#[derive(Serialize)]
 struct FrameStats {
     frame: u32,
     x: f32,
@@ -98,7 +98,8 @@ pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
         step(&mut app);
         let (cpu, wall) = (cpu_seconds() - cpu, wall.elapsed().as_secs_f64());
         let picture = capture(&app, &image)?;
-        take_counters(&app, camera, &mut rows);
+        // Of this very frame: the device has been waited for.
+        let counters = app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default();
         let eye = app.world().get::<Transform>(camera).map_or(Vec3::ZERO, |t| t.translation);
         rows.push(FrameStats {
             frame,
@@ -107,16 +108,25 @@ pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
             z: eye.z,
             wall_ms: wall * 1e3,
             cpu_ms: cpu * 1e3,
+            instances_seen: counters.instances_seen,
+            culled_frustum: counters.culled_frustum,
+            culled_small: counters.culled_small,
+            as_mesh: counters.as_mesh,
+            in_fade: counters.in_fade,
             near_meshes: app.world().resource::<NearMeshes>().len(),
+            points: counters.points,
+            work_items: counters.items,
+            overflow: counters.item_overflow,
+            covered_pixels: counters.covered_pixels,
+            bytes_read: counters.bytes_read(),
             select_gpu_ms: span(&app, "select"),
             splat_gpu_ms: span(&app, "splat"),
             classify_gpu_ms: span(&app, "classify"),
             resolve_gpu_ms: span(&app, "resolve"),
-            ..default()
         });
         write_png(&args.out.join(format!("frame{frame:04}.png")), &picture)?;
         if frame % every == 0 {
-            cells.push((frame, picture));
+            cells.push((format!("frame {frame}: {} k points", counters.points / 1000), picture));
         }
         bar.inc(1);
     }
@@ -124,12 +134,6 @@ pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     if rows.is_empty() {
         return Err(ToolError::Message("stopped before the first frame".into()));
     }
-    // The last frame's counters come with another one.
-    step(&mut app);
-    take_counters(&app, camera, &mut rows);
-    let label =
-        |frame: u32| format!("frame {frame}: {} k points", rows[frame as usize].points / 1000);
-    let cells: Vec<_> = cells.into_iter().map(|(frame, image)| (label(frame), image)).collect();
     write_png(&args.out.join("sheet.png"), &contact_sheet(&cells, 3, 480))?;
     let mut csv = csv::Writer::from_writer(vec![]);
     let stats = args.out.join("stats.csv");
@@ -153,21 +157,4 @@ pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     );
     println!("frames, sheet.png and stats.csv in {}", args.out.display());
     Ok(())
-}
-
-/// Writes the newest counters into the row of their frame: they come back with the frame after it, and know its number.
-fn take_counters(app: &App, camera: Entity, rows: &mut [FrameStats]) {
-    let Some(counters) = app.world().resource::<TreelineCounters>().of(camera) else { return };
-    let frame = counters.frame.checked_sub(u64::from(WARM_UP));
-    let Some(row) = frame.and_then(|frame| rows.get_mut(frame as usize)) else { return };
-    row.instances_seen = counters.instances_seen;
-    row.culled_frustum = counters.culled_frustum;
-    row.culled_small = counters.culled_small;
-    row.as_mesh = counters.as_mesh;
-    row.in_fade = counters.in_fade;
-    row.points = counters.points;
-    row.work_items = counters.items;
-    row.overflow = counters.item_overflow;
-    row.covered_pixels = counters.covered_pixels;
-    row.bytes_read = counters.bytes_read();
 }

@@ -96,6 +96,7 @@ fn keys(
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 fn fly(
     time: Res<Time>,
     mut pilot: ResMut<Pilot>,

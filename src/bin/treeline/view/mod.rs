@@ -81,7 +81,7 @@ fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
         shots.push((format!("{} deg", turn * 90), d0, azimuth, 0.15f32));
     }
     shots.push(("from above".into(), d0, 0.4, 1.2));
-    for times in [0.5, 0.75, 1.0, 1.5, 2.0, 4.0, 8.0] {
+    for times in [0.5, 0.8, 0.94, 1.0, 2.0, 4.0, 8.0] {
         shots.push((format!("{times} d0"), d0 * times, 0.4, 0.15));
     }
     let bar = ProgressBar::new(shots.len() as u64 * 3);

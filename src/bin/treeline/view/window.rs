@@ -127,6 +127,7 @@ fn turn(
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 fn keys(
     mut commands: Commands,
     keys: Res<ButtonInput<KeyCode>>,
