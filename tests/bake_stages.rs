@@ -73,7 +73,8 @@ fn the_stages_one_by_one_give_what_a_bake_gives_and_a_file_keeps_it() {
     let data = &baked.data;
     assert_eq!((data.point_count(), &data.bounds), (surfels.len(), &model.bounds()));
     assert_eq!(data.pixel, viewports[0].pixel);
-    let step = data.bounds.extent() / 65535.0;
+    // Half the step of 16, 16 and 14 bits, and rounding.
+    let step = data.bounds.extent() / Vec3::new(65535.0, 65535.0, 16383.0);
     for (k, &i) in order.iter().enumerate() {
         let (kept, made) = (data.surfel(k).expect("as many"), &surfels[i as usize]);
         let off = (kept.position - made.position).abs();
@@ -81,7 +82,10 @@ fn the_stages_one_by_one_give_what_a_bake_gives_and_a_file_keeps_it() {
         assert!(
             kept.normal.dot(made.normal) > 0.995 && kept.face_normal.dot(made.face_normal) > 0.995
         );
-        assert_eq!((kept.albedo, kept.flags), (made.albedo, made.flags));
+        assert_eq!(
+            (kept.albedo, kept.flags, kept.thickness),
+            (made.albedo, made.flags, made.thickness)
+        );
     }
     assert_eq!(data.byte_count(), 16 * data.point_count());
     let bytes = format::encode(data);
