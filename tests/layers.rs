@@ -29,6 +29,14 @@ const ENGINE: &[&str] = &[
 ];
 /// Code of the main world: everything of Bevy but the renderer.
 const RENDERER: &[&str] = &["bevy::render", "bevy::core_pipeline", "wgpu"];
+/// Code that may say what is extracted, and no more of the renderer.
+const NO_GPU_WORK: &[&str] = &[
+    "bevy::render::RenderApp",
+    "bevy::render::render_resource",
+    "bevy::render::renderer",
+    "bevy::core_pipeline",
+    "wgpu",
+];
 const ANY: &[&str] = &["*"];
 
 #[rustfmt::skip] // one row a line
@@ -47,11 +55,14 @@ const LAYERS: &[Layer] = &[
     Layer { at: "bake/order", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/settings", may_name: &["math"], may_not: ENGINE },
     Layer { at: "bake/surfels", may_name: &["math", "asset"], may_not: ENGINE },
-    Layer { at: "forest", may_name: &["math", "lod", "asset", "bake"], may_not: RENDERER },
+    // Instances and work items are kept in the form that the GPU reads: plain structs.
+    Layer { at: "forest", may_name: &["math", "lod", "asset", "bake", "gpu::types"], may_not: RENDERER },
+    // A component says itself that it is extracted.
+    Layer { at: "forest/settings", may_name: &["math", "lod"], may_not: NO_GPU_WORK },
     Layer { at: "landscape", may_name: &["math"], may_not: RENDERER },
-    Layer { at: "diagnostics", may_name: &["math"], may_not: RENDERER },
     // L3
-    Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest", "diagnostics"], may_not: &[] },
+    Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest"], may_not: &[] },
+    Layer { at: "diagnostics", may_name: &["forest", "render"], may_not: RENDERER },
     // What wires it all together.
     Layer { at: "plugin", may_name: ANY, may_not: &[] },
     Layer { at: "lib", may_name: ANY, may_not: &[] },

@@ -80,34 +80,39 @@ fn project(item_index: u32, lane: u32) -> Splat {
     let grown = overlap(item.radius, leaf_area, settings.overlap_gain, surfel_thickness(surfel.position_z_face), one_sided, spacing);
     // Area of the splat; of a cell, as seen along the peeling direction.
     var area = PI * item.radius * item.radius * grown;
-    var reach = sqrt(area / PI);
+    // How far the splat reaches from its centre, view space.
+    var extent = vec3(sqrt(area / PI));
     if shape == CELLS {
         // A point stands for what an LDI pixel hits: the piece of the surface that is a square as seen along the
         // peeling direction, which is the one its face is most parallel to. On a slanted face it is longer that way.
         let steep = abs(face);
-        var steepest = steep.z;
+        var axis = view_from_model[2];
         splat.right = view_from_model[0];
         splat.up = view_from_model[1];
         if steep.x >= steep.y && steep.x >= steep.z {
-            steepest = steep.x;
+            axis = view_from_model[0];
             splat.right = view_from_model[2];
         } else if steep.y >= steep.z {
-            steepest = steep.y;
+            axis = view_from_model[1];
             splat.up = view_from_model[2];
         }
         area *= kind.sample_share;
         splat.size = 0.5 * sqrt(area);
-        // To the corner of the cell, on the slanted face.
-        reach = 1.41421356 * splat.size / steepest;
+        // The sides of the square, moved along the peeling direction into the surface.
+        let slope = axis / dot(splat.normal, axis);
+        let along_right = splat.right - slope * dot(splat.normal, splat.right);
+        let along_up = splat.up - slope * dot(splat.normal, splat.up);
+        extent = splat.size * (abs(along_right) + abs(along_up));
     } else if shape == DISCS {
         splat.size = area / PI;
     } else {
-        reach = 0.5 * sqrt(area);
+        extent = vec3(0.5 * sqrt(area), 0.5 * sqrt(area), 0.0);
     }
-    reach /= splat.unit;
-    if shape <= DISCS && !orthographic {
-        // Perspective stretches bodies away from the axis.
-        reach *= away / max(-splat.center.z, 1e-6) * (1.0 + reach / settings.pixels_per_unit);
+    var reach = extent.xy / splat.unit;
+    if !orthographic {
+        // What is nearer than the centre looks larger, and away from the axis it moves outwards, too.
+        let nearest = max(-splat.center.z - extent.z, 0.1 * -splat.center.z);
+        reach = (extent.xy + abs(splat.center.xy / splat.center.z) * extent.z) / splat.unit * (-splat.center.z / nearest);
     }
     splat.begin = max(vec2<i32>(ceil(splat.pixel - reach - 0.5)), vec2(0));
     splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), vec2<i32>(settings.size));

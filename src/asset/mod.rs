@@ -1,4 +1,8 @@
 //! L1: the baked tree in memory and on disk.
+//!
+//! In: what a bake made ([`TreeData`]), or the bytes of a file. Out: [`TreeAsset`] for the asset server, `.treeline` files
+//! ([`write_treeline`], [`read_treeline`], [`format`](mod@format)) and the disk cache ([`BakeCache`]). A point takes 16 bytes
+//! ([`SurfelHot`] and [`SurfelCold`]); whatever a file holds, reading it ends in a tree or in an error.
 
 mod cache;
 mod file;

@@ -1,5 +1,9 @@
 //! L2: mesh → tree. `source` → `peel` → `surfels` → `order` → `assemble`; `job` runs it in the background.
 //!
+//! In: a model file ([`bake_file`]), or a model of any origin ([`bake_model`], [`model_of_entities`]). Out: [`Baked`], the points
+//! and the model they came from. In a running game, load a model as a [`TreeAsset`](crate::TreeAsset), or start a bake with
+//! [`TreeBaker`]. Seconds for a tree of some 100,000 triangles; nothing on the second start, thanks to the cache.
+//!
 //! ```no_run
 //! use bevy_treeline::bake::{BakeContext, BakeSettings, bake_file};
 //! let settings = BakeSettings { ldi_size: 1024, ..Default::default() };

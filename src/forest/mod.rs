@@ -1,4 +1,8 @@
 //! L2: what a game says: components, settings, and the systems of the main world that serve them.
+//!
+//! In: [`TreeImpostor`] and [`Forest`] entities, [`TreelineSettings`] of cameras. Out: [`LodState`] of single trees, and the
+//! pool of meshes near the cameras ([`NearMeshes`]). `select` is the CPU twin of what the GPU decides for every tree
+//! ([`select_instance`], [`emit_items`]). Cost: trees near a camera, not all trees.
 
 mod components;
 mod forest_index;

@@ -289,7 +289,7 @@ fn near_material(
     dithered: bool,
 ) -> Handle<StandardMaterial> {
     // 16 steps a channel bound the number of materials; 128 stays exact.
-    let tint = tint.map(|t| t & 0xf0);
+    let tint = tint.map(|t| t.saturating_add(8) & 0xf0);
     let Some(original) = materials.get(source) else { return source.clone() };
     let masked = dithered && matches!(original.alpha_mode, AlphaMode::Opaque);
     if tint == [128; 3] && !masked {

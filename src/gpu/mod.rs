@@ -1,4 +1,5 @@
-//! L1: what several stages of the GPU side share.
+//! L1: what several stages of the GPU side share: the structs of Rust and WGSL ([`types`], declared through [`mirror`]),
+//! buffers on their way back ([`readback`]), and a device without a window ([`headless`]).
 
 pub mod headless;
 pub mod mirror;

@@ -1,4 +1,5 @@
-//! L0: pure mathematics. Knows no Bevy but `bevy::math`.
+//! L0: pure mathematics: plain values in, plain values out. Knows no Bevy but `bevy::math`. What shaders need too has a
+//! twin in `shaders/lib`.
 
 pub mod bounding;
 pub mod hash;

@@ -1,6 +1,8 @@
 //! L3: the render world. extract → residency → view → select → splat → resolve; counters flow back.
 //!
-//! Each stage sees only the stages before it.
+//! In: forests, single trees and settings of the main world. Out: lit pixels and depth in the main pass of every
+//! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: instances, plus points drawn, plus
+//! pixels covered.
 
 mod counters;
 mod extract;

@@ -98,13 +98,13 @@ impl From<SplatPathArg> for SplatPath {
 #[derive(Args, Clone, Debug)]
 pub struct BakeOptions {
     /// Longest side of a layered depth image, in pixels (1 to 16384).
-    #[arg(long = "ldi", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    #[arg(long = "ldi", default_value_t = 512, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub ldi: u32,
     /// Peeling directions (3 to 64).
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(3..=64))]
+    #[arg(long, default_value_t = 3, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(3..=64))]
     pub directions: u32,
     /// Layers per direction at most (1 to 4096).
-    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, default_value_t = 256, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub max_layers: u32,
     /// Give each direction only the triangles most perpendicular to it.
     #[arg(long)]

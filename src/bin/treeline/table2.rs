@@ -2,6 +2,7 @@
 //! memory traffic and frame time in one run; and what selection and splatting cost for themselves.
 
 use crate::{
+    fly::headless::span,
     headless::{cpu_seconds, headless_app, render_target, step, target},
     options::ToolResult,
     scene,
@@ -92,6 +93,8 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
         let forest = app.world_mut().spawn(forest).id();
         let points = measure(&mut app, 8);
         let counters = app.world().resource::<TreelineCounters>().of(camera).unwrap_or_default();
+        let spans = ["select", "splat", "classify", "resolve"]
+            .map(|pass| format!("{pass} {:.1}", span(&app, pass).unwrap_or(f64::NAN)));
         app.world_mut().despawn(forest);
         let mut meshes = vec![];
         for place in places(distance, center) {
@@ -118,6 +121,11 @@ pub fn run(baked: &Baked, splat_path: SplatPath) -> ToolResult {
         for entity in meshes {
             app.world_mut().despawn(entity);
         }
+        println!(
+            "          GPU ms: {}; {} pixels show points",
+            spans.join(", "),
+            counters.covered_pixels
+        );
         let each = counters.points as usize / INSTANCES;
         println!(
             "{distance:8.1}  {each:11}  {:6.2}  {:10.1}  {:6.1}  {:14.1} | {:9.1}  {:6.1}",

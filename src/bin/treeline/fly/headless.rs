@@ -48,7 +48,8 @@ struct FrameStats {
     resolve_gpu_ms: Option<f64>,
 }
 
-fn span(app: &App, pass: &str) -> Option<f64> {
+/// Newest GPU time of a pass of this crate, milliseconds.
+pub fn span(app: &App, pass: &str) -> Option<f64> {
     let wanted = format!("render/treeline_{pass}/elapsed_gpu");
     let store = app.world().resource::<DiagnosticsStore>();
     let found = store.iter().find(|d| d.path().as_str() == wanted);

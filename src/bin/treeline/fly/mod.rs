@@ -1,6 +1,6 @@
 //! `treeline fly`: a flight over a forest, in a window or as frames with statistics.
 
-mod headless;
+pub mod headless;
 mod window;
 mod world;
 
@@ -21,7 +21,7 @@ pub struct FlyArgs {
     #[arg(long = "tree")]
     pub trees: Vec<PathBuf>,
     /// Number of trees.
-    #[arg(long, default_value_t = 4000)]
+    #[arg(long, default_value_t = 4000, allow_negative_numbers = true)]
     pub count: usize,
     /// Height that the tallest model is scaled to, metres (0: as modelled).
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
@@ -36,7 +36,7 @@ pub struct FlyArgs {
     #[arg(long)]
     pub headless: bool,
     /// Frames of a headless flight, once around.
-    #[arg(long, default_value_t = 48)]
+    #[arg(long, default_value_t = 48, allow_negative_numbers = true)]
     pub frames: u32,
     /// Picture size, WIDTHxHEIGHT.
     #[arg(long, default_value = "1280x720", value_parser = parse_size)]

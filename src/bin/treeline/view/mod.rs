@@ -45,6 +45,10 @@ pub fn has_display() -> bool {
 }
 
 pub fn run(args: &ViewArgs) -> ToolResult {
+    let windowed = !args.headless && has_display();
+    if !windowed {
+        make_folder(&args.out)?;
+    }
     let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
     let data = &baked.data;
     println!(
@@ -57,7 +61,7 @@ pub fn run(args: &ViewArgs) -> ToolResult {
         data.surface_area,
         data.mean_leaf_area
     );
-    if !args.headless && has_display() {
+    if windowed {
         return window::run(&baked, args.splat_path.into(), args.quality, &args.out);
     }
     if !args.headless {
@@ -68,7 +72,6 @@ pub fn run(args: &ViewArgs) -> ToolResult {
 
 /// Turntable and distance sweep, mesh and points side by side.
 fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
-    make_folder(&args.out)?;
     let settings = bevy_treeline::TreelineSettings { quality: args.quality, ..Default::default() };
     let mut subject = Subject::new(baked, args.splat_path.into(), settings)?;
     let d0 = subject.d0;
