@@ -38,22 +38,26 @@ use std::{
     },
 };
 
-/// Longest side of the LDIs of test trees.
-pub const LDI_SIZE: u32 = 128;
+/// Trees to draw: name here, file in `assets/trees`, and longest side of their LDIs.
+const TREES: [(&str, &str, u32); 4] = [
+    ("broadleaf", "broadleaf", 128),
+    ("birch", "birch", 128),
+    ("conifer", "conifer", 128),
+    ("fine conifer", "conifer", 512),
+];
 
-/// A tree of `assets/trees`, baked once per test program.
+/// One of [`TREES`], baked once per test program.
 pub fn baked(name: &str) -> &'static Baked {
-    static TREES: OnceLock<[(&str, Baked); 3]> = OnceLock::new();
-    let trees = TREES.get_or_init(|| {
-        ["broadleaf", "birch", "conifer"].map(|name| {
-            let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-            let path = root.join("assets/trees").join(name).with_extension("glb");
-            let settings = BakeSettings { ldi_size: LDI_SIZE, ..default() };
-            let baked = bake_file(&path, &settings, &BakeContext::default(), &|_, _| ());
-            (name, baked.expect("the trees of this project bake"))
-        })
-    });
-    &trees.iter().find(|(n, _)| *n == name).expect("it is one of the three").1
+    static BAKED: [OnceLock<Baked>; TREES.len()] = [const { OnceLock::new() }; TREES.len()];
+    let found = TREES.iter().position(|(n, _, _)| *n == name).expect("it is one of `TREES`");
+    BAKED[found].get_or_init(|| {
+        let (_, file, ldi_size) = TREES[found];
+        let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+        let path = root.join("assets/trees").join(file).with_extension("glb");
+        let settings = BakeSettings { ldi_size, ..default() };
+        let baked = bake_file(&path, &settings, &BakeContext::default(), &|_, _| ());
+        baked.expect("the trees of this project bake")
+    })
 }
 
 /// One test draws at a time: several devices of a software driver at once are slow.
