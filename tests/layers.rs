@@ -58,6 +58,8 @@ const LAYERS: &[Layer] = &[
     // Instances and work items are kept in the form that the GPU reads: plain structs.
     Layer { at: "forest", may_name: &["math", "lod", "asset", "bake", "gpu::types"], may_not: RENDERER },
     // A component says itself that it is extracted.
+    // Asks which prepasses a camera has.
+    Layer { at: "forest/near_mesh", may_name: &["math", "lod", "asset", "bake", "gpu::types"], may_not: &["bevy::render", "wgpu"] },
     Layer { at: "forest/settings", may_name: &["math", "lod"], may_not: NO_GPU_WORK },
     Layer { at: "landscape", may_name: &["math"], may_not: RENDERER },
     // L3

@@ -328,7 +328,6 @@ fn a_forest_that_moves_is_a_single_tree_that_moves() {
 
 /// A blue sky behind a red wall: blue pixels are holes in both.
 #[test]
-#[ignore = "Bevy 0.19.1 does not dither in a prepass of depth alone, whatever the alpha mode; see `near_material`"]
 fn a_tree_in_the_crossfade_band_has_no_holes_behind_a_depth_prepass() {
     for prepass in [false, true] {
         let Some(mut stage) = Stage::new("no_holes", SplatPath::Auto) else { return };

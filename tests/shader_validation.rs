@@ -26,8 +26,14 @@ const fn uint(name: &'static str, value: u32) -> Def {
 
 /// What Bevy sets for every shader (`PipelineCache`), and for those that import `bevy_pbr::pbr_functions`
 /// (`bevy::pbr::MATERIAL_BIND_GROUP_INDEX`; needed even without a material).
-const EVERYWHERE: &[Def] =
-    &[uint("AVAILABLE_STORAGE_BUFFER_BINDINGS", 8), uint("MATERIAL_BIND_GROUP", 3)];
+const EVERYWHERE: &[Def] = &[
+    uint("AVAILABLE_STORAGE_BUFFER_BINDINGS", 8),
+    uint("MATERIAL_BIND_GROUP", 3),
+    // This crate's own constants (`render::{select,resolve}`).
+    uint("SELECT_WORKGROUP", bevy_treeline::gpu::types::SELECT_WORKGROUP),
+    uint("POINTS_PER_ITEM", bevy_treeline::gpu::types::POINTS_PER_ITEM),
+    uint("RESOLVE_BLOCK", bevy_treeline::gpu::types::RESOLVE_BLOCK),
+];
 
 /// What Bevy sets on one of its modules as it loads it (`MeshRenderPlugin`).
 const OF_MODULES: &[(&str, &[Def])] = &[(
@@ -43,7 +49,7 @@ const OF_MODULES: &[(&str, &[Def])] = &[(
 /// with none of its own.
 #[rustfmt::skip] // one row a line
 const DEF_SETS: &[(&str, &[&[Def]])] = &[
-    ("", &[&[]]),
+    ("resolve/resolve.wgsl", VIEWS),
 ];
 
 /// Def sets of Bevy's mesh view (`MeshPipeline::specialize`) that a pass in Bevy's main pass meets. For `DEF_SETS` rows of

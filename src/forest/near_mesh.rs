@@ -15,6 +15,7 @@ use super::{
 use crate::asset::{NearMesh, TreeAsset};
 use bevy::{
     camera::{primitives::Aabb, visibility::VisibilityRange},
+    core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass, NormalPrepass},
     platform::collections::{HashMap, HashSet},
     prelude::*,
 };
@@ -36,6 +37,17 @@ pub struct NearTree {
     /// Index of the tree in its forest.
     pub index: u32,
 }
+
+/// Cameras whose prepass writes depth and nothing else. Bevy 0.19 does not dither there, so a mesh that dithers in would
+/// leave sky where its undithered depth has rejected the points behind. While such a camera is active, meshes appear
+/// at once over the complete points, and only the points fade.
+type DepthOnlyPrepass = (
+    With<Camera3d>,
+    With<DepthPrepass>,
+    Without<NormalPrepass>,
+    Without<MotionVectorPrepass>,
+    Without<DeferredPrepass>,
+);
 
 struct Slot {
     parts: Vec<Entity>,
@@ -146,6 +158,7 @@ pub(super) fn update_near_meshes(
     mut commands: Commands,
     mut pool: ResMut<NearMeshes>,
     cameras: Query<(&Camera, &GlobalTransform, Option<&TreelineSettings>), With<Camera3d>>,
+    depth_only: Query<&Camera, DepthOnlyPrepass>,
     forests: Query<(Entity, &Forest, &ForestIndex, &GlobalTransform, &InheritedVisibility)>,
     impostors: Query<(Entity, &TreeImpostor, &GlobalTransform, &InheritedVisibility)>,
     trees: Res<Assets<TreeAsset>>,
@@ -154,6 +167,7 @@ pub(super) fn update_near_meshes(
     parts: Query<(), With<NearMeshPart>>,
 ) {
     let views = view_points(cameras.iter());
+    let at_once = depth_only.iter().any(|camera| camera.is_active);
     let mut all: Vec<Wanted> = vec![];
     for (owner, forest, index, transform, visibility) in &forests {
         if !visibility.get() {
@@ -221,11 +235,11 @@ pub(super) fn update_near_meshes(
             rotation: w.instance.rotation,
             scale: Vec3::splat(w.instance.scale),
         };
-        let range =
-            VisibilityRange { start_margin: 0.0..0.0, end_margin: w.fade.clone(), use_aabb: false };
+        let end_margin = if at_once { w.fade.end..w.fade.end } else { w.fade.clone() };
+        let range = VisibilityRange { start_margin: 0.0..0.0, end_margin, use_aabb: false };
         let tinted = &mut pool.tinted;
         let mut material_of = |source: &Handle<StandardMaterial>| {
-            near_material(tinted, &mut materials, source, w.instance.tint, w.dithered)
+            near_material(tinted, &mut materials, source, w.instance.tint)
         };
         match pool.slots.get_mut(&w.tree) {
             Some(slot) => {
@@ -235,14 +249,10 @@ pub(super) fn update_near_meshes(
                     if slot.instance != w.instance {
                         entity.insert(transform);
                     }
-                    if slot.dithered != w.dithered {
-                        entity.insert(MeshMaterial3d(material_of(&part.material)));
-                        if !w.dithered {
-                            entity.remove::<VisibilityRange>();
-                        }
-                    }
                     if w.dithered {
                         entity.insert(range.clone());
+                    } else if slot.dithered {
+                        entity.remove::<VisibilityRange>();
                     }
                 }
                 slot.instance = w.instance;
@@ -278,44 +288,28 @@ pub(super) fn update_near_meshes(
     }
 }
 
-/// The material of a part for a tint. While the mesh is dithered an opaque material becomes a masked one that never
-/// cuts: Bevy 0.19's depth-only prepass applies the dither only to materials that may discard, and would otherwise
-/// write the depth of pixels that the main pass leaves open.
+/// The material of a part for a tint.
 fn near_material(
-    made: &mut TintedMaterials,
+    made: &mut HashMap<(AssetId<StandardMaterial>, [u8; 3]), Handle<StandardMaterial>>,
     materials: &mut Assets<StandardMaterial>,
     source: &Handle<StandardMaterial>,
     tint: [u8; 3],
-    dithered: bool,
 ) -> Handle<StandardMaterial> {
     // 16 steps a channel bound the number of materials; 128 stays exact.
     let tint = tint.map(|t| t.saturating_add(8) & 0xf0);
-    let Some(original) = materials.get(source) else { return source.clone() };
-    let masked = dithered && matches!(original.alpha_mode, AlphaMode::Opaque);
-    if tint == [128; 3] && !masked {
+    if tint == [128; 3] {
         return source.clone();
     }
-    let key = (source.id(), tint, masked);
+    let Some(original) = materials.get(source) else { return source.clone() };
+    let key = (source.id(), tint);
     if let Some(handle) = made.get(&key) {
         return handle.clone();
     }
     let mut material = original.clone();
-    let factor = LinearRgba::rgb(
-        f32::from(tint[0]) / 128.0,
-        f32::from(tint[1]) / 128.0,
-        f32::from(tint[2]) / 128.0,
-    );
+    let [red, green, blue] = tint.map(|t| f32::from(t) / 128.0);
     let base = material.base_color.to_linear();
-    material.base_color = LinearRgba::new(
-        base.red * factor.red,
-        base.green * factor.green,
-        base.blue * factor.blue,
-        base.alpha,
-    )
-    .into();
-    if masked {
-        material.alpha_mode = AlphaMode::Mask(0.0);
-    }
+    material.base_color =
+        LinearRgba::new(base.red * red, base.green * green, base.blue * blue, base.alpha).into();
     let handle = materials.add(material);
     made.insert(key, handle.clone());
     handle

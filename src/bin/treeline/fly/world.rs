@@ -7,7 +7,7 @@ use crate::{
 };
 use bevy::{
     asset::RenderAssetUsages,
-    core_pipeline::prepass::DepthPrepass,
+    core_pipeline::prepass::{DepthPrepass, NormalPrepass},
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
@@ -72,6 +72,8 @@ pub fn camera(args: &FlyArgs) -> impl Bundle {
         scene::plain_camera(),
         // Trees behind hills and near meshes are rejected point by point, and hidden ground is not shaded.
         DepthPrepass,
+        // A prepass of depth alone cannot dither, so meshes would not fade in.
+        NormalPrepass,
         Projection::Perspective(PerspectiveProjection {
             fov: std::f32::consts::FRAC_PI_4 * 1.15,
             ..default()
