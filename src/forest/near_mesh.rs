@@ -57,9 +57,8 @@ struct Slot {
     dithered: bool,
 }
 
-/// Materials of near meshes by their source, tint, and whether they are dithered.
-type TintedMaterials =
-    HashMap<(AssetId<StandardMaterial>, [u8; 3], bool), Handle<StandardMaterial>>;
+/// Materials of near meshes by their source and tint.
+type TintedMaterials = HashMap<(AssetId<StandardMaterial>, [u8; 3]), Handle<StandardMaterial>>;
 
 /// The pool. Its limit is yours to set.
 #[derive(Resource)]
@@ -290,7 +289,7 @@ pub(super) fn update_near_meshes(
 
 /// The material of a part for a tint.
 fn near_material(
-    made: &mut HashMap<(AssetId<StandardMaterial>, [u8; 3]), Handle<StandardMaterial>>,
+    made: &mut TintedMaterials,
     materials: &mut Assets<StandardMaterial>,
     source: &Handle<StandardMaterial>,
     tint: [u8; 3],
