@@ -243,7 +243,7 @@ pub(super) fn update_near_meshes(
         match pool.slots.get_mut(&w.tree) {
             Some(slot) => {
                 slot.frames = slot.frames.saturating_add(1);
-                for (part, entity) in mesh.parts.iter().zip(&slot.parts) {
+                for entity in &slot.parts {
                     let mut entity = commands.entity(*entity);
                     if slot.instance != w.instance {
                         entity.insert(transform);
