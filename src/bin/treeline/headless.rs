@@ -47,7 +47,9 @@ pub fn bevy_plugins(window: Option<Window>) -> PluginGroupBuilder {
             ..default()
         })
         .set(LogPlugin {
-            filter: "warn,bevy_treeline=info,wgpu=error,naga=warn,symphonia=error".into(),
+            // `bevy_log` complains that bakes have set up `log` before it; it is the same bridge.
+            filter: "warn,bevy_log=off,bevy_treeline=info,wgpu=error,naga=warn,symphonia=error"
+                .into(),
             ..default()
         })
         .set(RenderPlugin {

@@ -23,7 +23,7 @@ pub struct FlyArgs {
     /// Number of trees.
     #[arg(long, default_value_t = 4000, allow_negative_numbers = true)]
     pub count: usize,
-    /// Height that the tallest model is scaled to, metres (0: as modelled).
+    /// Height that each model is scaled to, metres (0: as modelled).
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub height: f32,
     /// Side of the ground, metres.

@@ -25,7 +25,7 @@ use bevy_treeline::{
 #[derive(Resource)]
 pub struct Flight(pub FlightPath);
 
-/// Plants everything. `tallest` is the scale that the models get.
+/// Plants everything.
 pub fn build(world: &mut World, args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     let cells = ((args.side / 4.0) as u32).clamp(32, 512);
     let field = Heightfield::rolling(args.side, cells, args.seed);
@@ -44,13 +44,16 @@ pub fn build(world: &mut World, args: &FlyArgs, baked: &[Baked]) -> ToolResult {
         ScatterSettings { count: args.count, species: baked.len(), seed: args.seed, ..default() };
     let places =
         scatter(&field, &settings).map_err(|error| ToolError::Message(error.to_string()))?;
-    // Models of any unit: the tallest gets the height asked for, and the ground is sized in metres.
-    let tallest = baked.iter().map(|b| b.data.bounds.extent().y).fold(0.0f32, f32::max);
-    let unit = if args.height > 0.0 && tallest > 0.0 { args.height / tallest } else { 1.0 };
+    // Models of any unit get the height asked for; the ground is in metres.
+    let units: Vec<f32> = baked
+        .iter()
+        .map(|b| b.data.bounds.extent().y)
+        .map(|height| if args.height > 0.0 && height > 0.0 { args.height / height } else { 1.0 })
+        .collect();
     let trees = places.iter().map(|place| TreeInstance {
         position: place.position,
         rotation: Quat::from_rotation_y(place.yaw),
-        scale: place.scale * unit,
+        scale: place.scale * units[place.species],
         species: place.species as u16,
         tint: [place.tint[0], place.tint[1], place.tint[2]].map(|t| t.div_ceil(2)),
         seed: place.seed,
