@@ -49,7 +49,8 @@ fn disc_radius(area: f32, n: f32) -> f32 {
 }
 
 fn overlap(radius: f32, leaf_area: f32, gain: f32, thickness: u32, is_one_sided: bool, spacing: f32) -> f32 {
-    var leaf = 1.0 + gain;
+    // Twigs are one-sided and thinner than a splat: they get nothing.
+    var leaf = select(1.0 + gain, 1.0, is_one_sided);
     if !is_one_sided && leaf_area > 0.0 {
         let a = PI * radius * radius;
         leaf = 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));

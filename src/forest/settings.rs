@@ -42,7 +42,7 @@ pub struct TreelineSettings {
     pub fade_width: f32,
     /// How much the distance of that band differs between instances, as a share, 0 to 0.9. Default: 0.15.
     pub fade_jitter: f32,
-    /// Overlap of splats, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.15.
+    /// Overlap of splats, 0 to 1 (see [`lod::splat_size`](crate::lod::splat_size)). Default: 0.22.
     pub overlap_gain: f32,
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
@@ -82,7 +82,7 @@ impl TreelineSettings {
         clamp(&mut out.min_mesh_distance, 0.0, 1e6, 15.0, "min_mesh_distance");
         clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
-        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.15, "overlap_gain");
+        clamp(&mut out.overlap_gain, 0.0, 1.0, 0.22, "overlap_gain");
         clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 32.0, "point_capacity_millions");
         (out, moved)
     }

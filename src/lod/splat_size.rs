@@ -6,7 +6,7 @@
 use std::f32::consts::PI;
 
 /// Default of [`overlap`]'s gain.
-pub const OVERLAP_GAIN: f32 = 0.15;
+pub const OVERLAP_GAIN: f32 = 0.22;
 
 /// Overlap of splats on a surface that is thick compared with them: no gap is left even where a prefix ends between
 /// two levels of the lattice, whose cells are twice as large as the mean.
@@ -37,7 +37,8 @@ pub fn overlap(
     is_one_sided: bool,
     spacing: f32,
 ) -> f32 {
-    let mut leaf = 1.0 + gain;
+    // Twigs are one-sided and thinner than a splat: they get nothing.
+    let mut leaf = if is_one_sided { 1.0 } else { 1.0 + gain };
     if !is_one_sided && leaf_area > 0.0 {
         let a = PI * radius * radius;
         leaf = 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
@@ -62,7 +63,7 @@ mod tests {
         assert!((area_of(1e8, 0.0059, 0, false, 1.0) - 1.5).abs() < 0.01);
         // A trunk is closed while it is thick compared with the splats, a twig never.
         assert!((area_of(1000.0, 0.0059, 2, true, 1.0) - CLOSED_OVERLAP).abs() < 1e-4);
-        assert!((area_of(1000.0, 0.0059, 2, true, 4.0) - 1.5).abs() < 1e-4);
-        assert!((area_of(1000.0, 0.0059, 0, true, 1.0) - 1.5).abs() < 1e-4);
+        assert!((area_of(1000.0, 0.0059, 2, true, 4.0) - 1.0).abs() < 1e-4);
+        assert!((area_of(1000.0, 0.0059, 0, true, 1.0) - 1.0).abs() < 1e-4);
     }
 }
