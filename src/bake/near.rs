@@ -37,7 +37,7 @@ pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
             .iter()
             .filter(|m| m.material == index && !m.triangles.is_empty())
             .collect();
-        let first = meshes.first()?;
+        meshes.first()?;
         let textured =
             material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());
         let colored = meshes.iter().any(|m| !m.colors.is_empty());
@@ -58,7 +58,6 @@ pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
             }
             indices.extend(mesh.triangles.iter().flatten().map(|i| base + i));
         }
-        debug_assert_eq!(first.positions.len().min(1), 1);
         let bounds = Aabb::of(positions.iter().map(|p| Vec3::from_array(*p)));
         // Only the renderer needs the vertices: bounds are given, and nobody picks a tree leaf by leaf.
         let mut out = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)

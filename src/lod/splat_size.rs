@@ -26,7 +26,8 @@ pub fn disc_radius(area: f32, n: f32) -> f32 {
 /// fattening what is smaller than a splat.
 ///
 /// `g = 1 + gain (1 − 1 / (1 + L / 4a))` for leaves of area `leaf_area` (`L`, world units²; 0 if there are none, for
-/// full gain): 1 where a point stands for a whole leaf, `1 + gain` where a leaf has many. Where the surface is at least
+/// full gain): 1 where a point stands for a whole leaf, `1 + gain` where a leaf has many. One-sided surfaces (twigs,
+/// bark) start at 1. Where the surface is at least
 /// two to four splats thick it rises to [`CLOSED_OVERLAP`]. `spacing` is the mean distance of drawn points in LDI
 /// pixels, `sqrt(N0 / N)`.
 pub fn overlap(
