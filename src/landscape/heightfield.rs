@@ -236,6 +236,24 @@ impl Heightfield {
     }
 }
 
+impl super::Ground for Heightfield {
+    fn side_m(&self) -> f32 {
+        self.side_m
+    }
+
+    fn height(&self, x: f32, z: f32) -> f32 {
+        Self::height(self, x, z)
+    }
+
+    fn height_range(&self) -> [f32; 2] {
+        Self::height_range(self)
+    }
+
+    fn detail_m(&self) -> f32 {
+        self.side_m / self.cells as f32
+    }
+}
+
 /// The formula behind [`Heightfield::rolling`].
 struct RollingHills {
     side_m: f32,

@@ -3,15 +3,19 @@
 //! `heightfield` (hills and their mesh) → `pattern` (where forest grows) → `scatter` (trees that stand on the ground) →
 //! `flight` (a closed camera path past and over them). All pure and seeded; no randomness but the seeds.
 
+pub mod biome;
 mod canopy;
 pub mod flight;
+pub mod ground;
 pub mod heightfield;
 pub mod pattern;
 #[cfg(test)]
 mod preview;
 pub mod scatter;
 
+pub use biome::{Biome, BiomeSettings, Biomes};
 pub use flight::FlightPath;
+pub use ground::{Ground, Site};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use pattern::ForestPattern;
 pub use scatter::{ScatterError, ScatterSettings, ScatteredTree, scatter};
