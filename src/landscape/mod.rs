@@ -1,20 +1,17 @@
 //! L2, feature `landscape`: ground, forest and camera path for demos, tests and games that have none of their own.
 //!
 //! `heightfield` (hills and their mesh) → `pattern` (where forest grows) → `scatter` (trees that stand on the ground) →
-//! `flight` (a closed camera path past and over them). All pure and seeded; no randomness but the seeds.
+//! `flight` (a closed camera path past, between and over them). All pure and seeded; no randomness but the seeds.
 
 pub mod biome;
-mod canopy;
 pub mod flight;
 pub mod ground;
 pub mod heightfield;
 pub mod pattern;
-#[cfg(test)]
-mod preview;
 pub mod scatter;
 
 pub use biome::{Biome, BiomeSettings, Biomes};
-pub use flight::FlightPath;
+pub use flight::{Crown, CrownSource, FlightPath, FlightSettings, Role};
 pub use ground::{Ground, Site};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use pattern::ForestPattern;

@@ -15,7 +15,7 @@ use bevy_treeline::{
     Forest, TreeInstance, TreelineSettings,
     bake::Baked,
     landscape::{
-        flight::FlightPath,
+        BiomeSettings, Biomes, Crown, FlightPath, FlightSettings,
         heightfield::Heightfield,
         scatter::{ScatterSettings, scatter},
     },
@@ -63,7 +63,19 @@ pub fn build(world: &mut World, args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     if !args.no_points {
         world.spawn((forest, Name::new("forest")));
     }
-    world.insert_resource(Flight(FlightPath::over_forest(&field, &places, args.seed)));
+    let biomes = Biomes::new(&field, &BiomeSettings { seed: args.seed, ..default() });
+    let crowns = |min: Vec2, max: Vec2| {
+        let inside = |p: Vec3| p.x >= min.x && p.x < max.x && p.z >= min.y && p.z < max.y;
+        let near = places.iter().filter(|place| inside(place.position));
+        near.map(|place| Crown {
+            position: place.position,
+            radius_m: 4.0 * place.scale,
+            height_m: 16.0 * place.scale,
+        })
+        .collect()
+    };
+    let flight = FlightSettings { seed: args.seed, ..default() };
+    world.insert_resource(Flight(FlightPath::over(&field, &biomes, &crowns, &flight)));
     world.insert_resource(ClearColor(scene::SKY));
     scene::add_light(world, 120.0);
     Ok(())
