@@ -3,7 +3,7 @@
 //! Shortest path (Bellman) over rows across the curve: state = offset and sideways speed, so bends are bounded; cost =
 //! trunks, leaves, bends, distance from the curve. O(length · offsets · speeds).
 
-use super::crowns::Crowns;
+use super::crowns::{Crowns, LowCrowns};
 use super::{EYE_TO_TRUNK_M, Role};
 use bevy::math::{Vec2, Vec3};
 
@@ -16,21 +16,30 @@ const MOST_OFFSETS: usize = 80;
 /// Most offsets a step to either side: with 3, 14°.
 const SPEED: usize = 5;
 /// Most change of that from step to step: with 2, bends of 18 m radius.
-const BEND: usize = 2;
+const BEND: usize = 3;
 /// Of a trunk in the way: more than any detour.
 const TRUNK_COST: f32 = 300.0;
 
-/// Moves the points of an even curve sideways by up to `most_m`, and back to it at the first. Points at `above_m` over
+/// How far aside the path may be moved.
+#[derive(Clone, Copy)]
+pub(super) struct Aside {
+    /// From the curve, metres.
+    pub(super) most_m: f32,
+    /// From the middle of the ground in x and z, metres.
+    pub(super) border_m: f32,
+}
+
+/// Moves the points of an even curve sideways by up to `aside.most_m`, and back to it at the first. Points at `above_m` over
 /// the ground where no crown reaches are left alone.
 pub(super) fn steer(
     points: &mut [Vec3],
     above_m: &[f32],
     roles: &[Role],
     crowns: &mut Crowns,
-    most_m: f32,
-    border_m: f32,
+    low: &LowCrowns,
+    aside: Aside,
 ) {
-    let half = ((most_m / OFFSET_M) as usize).clamp(8, MOST_OFFSETS);
+    let half = ((aside.most_m / OFFSET_M) as usize).clamp(8, MOST_OFFSETS);
     let n = points.len();
     let steps = n / STEP;
     let normals: Vec<Vec2> = (0..n)
@@ -39,7 +48,7 @@ pub(super) fn steer(
             Vec2::new(-along.z, along.x).normalize_or(Vec2::X)
         })
         .collect();
-    let field = Field::new(points, &normals, above_m, roles, crowns, half, border_m);
+    let field = Field::new(points, &normals, above_m, roles, crowns, low, half, aside.border_m);
     let offsets = field.cheapest(steps);
     for i in 0..n {
         let at = (i as f32 / STEP as f32).min(steps as f32 - 1e-3);
@@ -72,6 +81,7 @@ impl Field {
         above_m: &[f32],
         roles: &[Role],
         crowns: &mut Crowns,
+        low: &LowCrowns,
         half: usize,
         border_m: f32,
     ) -> Self {
@@ -97,8 +107,8 @@ impl Field {
                 let to = Vec2::new(crown.position.x, crown.position.z) - at;
                 let side = to.dot(normals[i]);
                 let ahead = to.perp_dot(normals[i]);
-                let open = crown.open_below_m() > above + 1.2;
-                let trunk = crown.trunk_m() + EYE_TO_TRUNK_M + 0.45;
+                let open = crown.open_below_m() > above + 1.0 && !low.contains(&crown.key());
+                let trunk = crown.trunk_m() + EYE_TO_TRUNK_M + 0.4;
                 let hard = if open { trunk } else { crown.radius_m + 1.5 };
                 let soft = crown.radius_m + 1.5;
                 let reach = hard.max(soft);

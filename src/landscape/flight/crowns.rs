@@ -1,7 +1,7 @@
 //! Crowns along a path: a source of them by rectangle in, crowns near a place out. Asks for each tile once.
 
 use bevy::math::{Vec2, Vec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Side of the tiles that are asked for, metres.
 const TILE_M: f32 = 64.0;
@@ -41,6 +41,11 @@ impl Crown {
         at.distance(Vec2::new(self.position.x, self.position.z))
     }
 
+    /// What tells it from others.
+    pub(super) fn key(&self) -> [u32; 3] {
+        self.position.to_array().map(f32::to_bits)
+    }
+
     /// True where there are leaves: within the radius, between the open part and the top.
     pub fn contains(&self, point: Vec3) -> bool {
         let up = point.y - self.position.y;
@@ -53,6 +58,9 @@ impl Crown {
 /// The crowns whose feet are in the rectangle from `min` (inclusive) to `max` (exclusive) of x and z. Asked for tiles of
 /// 64 m along the path, each once; the same rectangle must give the same crowns.
 pub type CrownSource<'a> = dyn Fn(Vec2, Vec2) -> Vec<Crown> + 'a;
+
+/// Crowns below which there is no way, by [`Crown::key`].
+pub(super) type LowCrowns = HashSet<[u32; 3]>;
 
 /// Remembers what a source said.
 pub(super) struct Crowns<'a> {
@@ -77,9 +85,8 @@ impl<'a> Crowns<'a> {
                     let min = Vec2::new(x as f32, z as f32) * TILE_M;
                     let mut crowns = source(min, min + TILE_M);
                     // Not drawn either.
-                    crowns.retain(|c| {
-                        c.position.is_finite() && c.radius_m > 0.0 && c.height_m > 0.0
-                    });
+                    crowns
+                        .retain(|c| c.position.is_finite() && c.radius_m > 0.0 && c.height_m > 0.0);
                     for crown in &mut crowns {
                         crown.radius_m = crown.radius_m.min(MOST_RADIUS_M);
                     }

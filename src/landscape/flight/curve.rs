@@ -182,7 +182,8 @@ mod tests {
 
     #[test]
     fn resampled_points_are_even() {
-        let square = [(0.0, 0.0), (9.0, 0.0), (9.0, 3.0), (0.0, 3.0)].map(|(x, z)| Vec3::new(x, 0.0, z));
+        let square =
+            [(0.0, 0.0), (9.0, 0.0), (9.0, 3.0), (0.0, 3.0)].map(|(x, z)| Vec3::new(x, 0.0, z));
         let points = resampled(&square, 48);
         for i in 0..48 {
             assert!((points[i].1.distance(points[(i + 1) % 48].1) - 0.5).abs() < 1e-4);

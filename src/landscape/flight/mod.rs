@@ -7,9 +7,9 @@
 mod corridor;
 mod crowns;
 mod curve;
-mod profile;
 #[cfg(test)]
 mod preview;
+mod profile;
 mod survey;
 #[cfg(test)]
 mod test_grounds;
@@ -22,7 +22,8 @@ pub use crowns::{Crown, CrownSource};
 use super::{Biomes, Ground, smoothstep};
 use crate::math::hash::SplitMix64;
 use bevy::math::{Vec2, Vec3};
-use crowns::Crowns;
+use corridor::Aside;
+use crowns::{Crowns, LowCrowns};
 use std::fmt;
 use survey::WayPoint;
 
@@ -36,6 +37,8 @@ pub const EYE_TO_TRUNK_M: f32 = 1.0;
 const BEND_M: f32 = 50.0;
 /// Furthest that the path leaves its curve for a gap between trunks, metres.
 const ASIDE_M: f32 = 18.0;
+/// Times that the way between the trunks is sought, at most.
+const STEERINGS: usize = 4;
 
 /// What a stretch of a flight shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -117,11 +120,30 @@ impl FlightPath {
         let (above_m, mut roles) = wanted(&mut points, &way, length_m, settings.seed);
 
         let mut crowns = Crowns::new(crowns);
-        let aside_m = ASIDE_M.min(bend_m * 0.45);
-        let border_m = side_m * 0.49;
-        corridor::steer(&mut points, &above_m, &roles, &mut crowns, aside_m, border_m);
-        let below_leaves =
-            profile::set_heights(&mut points, &above_m, step_m, ground, &mut crowns);
+        // Again with what the first ways met: heights that the ground forces, and leaves that hang low beside slopes.
+        let curve = points.clone();
+        let mut flown_m = above_m.clone();
+        let mut low = LowCrowns::new();
+        for _ in 0..STEERINGS {
+            points.clone_from(&curve);
+            let aside = Aside { most_m: ASIDE_M.min(bend_m * 0.45), border_m: side_m * 0.49 };
+            corridor::steer(&mut points, &flown_m, &roles, &mut crowns, &low, aside);
+            let known = low.len();
+            let met_m = profile::heights_without_trees(
+                &points,
+                &above_m,
+                step_m,
+                ground,
+                &mut crowns,
+                &mut low,
+            );
+            // The higher of all ways so far, or the search would change its mind for ever.
+            flown_m = flown_m.iter().zip(met_m).map(|(flown, met)| flown.max(met)).collect();
+            if low.len() == known {
+                break;
+            }
+        }
+        let below_leaves = profile::set_heights(&mut points, &above_m, step_m, ground, &mut crowns);
         name_forest(&mut roles, &below_leaves, step_m);
 
         // Sidesteps and climbs changed lengths: space the points evenly again.
@@ -217,9 +239,9 @@ fn wanted(
         .enumerate()
         .map(|(k, point)| {
             let above = match point.role {
-                Role::ValleyFloor => rng.range(3.2, 5.0),
-                Role::ForestEdge => rng.range(3.2, 4.2),
-                Role::InsideForest | Role::Canopy => 2.8,
+                Role::ValleyFloor => rng.range(3.0, 4.5),
+                Role::ForestEdge => rng.range(2.8, 3.4),
+                Role::InsideForest | Role::Canopy => 2.7,
                 Role::Ridge => rng.range(7.0, 13.0).min(overview_m),
                 Role::Overview => overview_m * rng.range(0.9, 1.2),
             };
@@ -253,4 +275,3 @@ fn name_forest(roles: &mut [Role], below_leaves: &[bool], step_m: f32) {
         }
     }
 }
-

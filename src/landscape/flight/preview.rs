@@ -57,10 +57,12 @@ fn draw(name: &str, ground: &dyn Ground, seed: u64) {
             let (px, pz) = at(x, y);
             let site = ground.site(px, pz);
             let biome = biomes.at(px, pz, &site);
-            let base = Vec3::new(120.0, 130.0, 70.0).lerp(Vec3::new(20.0, 70.0, 25.0), biome.forest);
+            let base =
+                Vec3::new(120.0, 130.0, 70.0).lerp(Vec3::new(20.0, 70.0, 25.0), biome.forest);
             let base = base.lerp(Vec3::splat(130.0), biome.rock + biome.scree);
             let base = base.lerp(Vec3::splat(240.0), biome.snow);
-            let light = 0.35 + 0.75 * site.normal.dot(Vec3::new(0.6, 0.6, -0.5).normalize()).max(0.0);
+            let light =
+                0.35 + 0.75 * site.normal.dot(Vec3::new(0.6, 0.6, -0.5).normalize()).max(0.0);
             let water = site.above_water_m < 0.0;
             let c = if water { Vec3::new(40.0, 70.0, 140.0) } else { base * light };
             image.put_pixel(x, y, Rgb(c.to_array().map(|v| v.clamp(0.0, 255.0) as u8)));

@@ -28,12 +28,28 @@ fn roles(length_m: f32) -> &'static [Role] {
     use Role::{ForestEdge, InsideForest, Overview, Ridge, ValleyFloor};
     if length_m > 4000.0 {
         &[
-            Overview, ValleyFloor, ValleyFloor, ForestEdge, InsideForest, ForestEdge, Ridge, Ridge,
-            ForestEdge, InsideForest, InsideForest, ForestEdge,
+            Overview,
+            ValleyFloor,
+            ValleyFloor,
+            ForestEdge,
+            InsideForest,
+            ForestEdge,
+            Ridge,
+            Ridge,
+            ForestEdge,
+            InsideForest,
+            InsideForest,
+            ForestEdge,
         ]
     } else {
         &[
-            Overview, ValleyFloor, ForestEdge, InsideForest, ForestEdge, Ridge, InsideForest,
+            Overview,
+            ValleyFloor,
+            ForestEdge,
+            InsideForest,
+            ForestEdge,
+            Ridge,
+            InsideForest,
             ForestEdge,
         ]
     }
@@ -223,12 +239,13 @@ impl Survey {
         let gentle = 1.0 - smoothstep(0.25, 0.7, self.slope[cell]);
         match role {
             Role::ValleyFloor => {
-                gentle - 0.9 * self.stands_out[cell] + 0.8 * self.water[cell] - around
+                gentle - 0.9 * self.stands_out[cell] + 0.8 * self.water[cell]
+                    - around
                     - 0.8 * self.altitude[cell]
             }
             // About half of the surroundings is forest, none of the place itself.
             Role::ForestEdge => 0.6 * gentle + 1.2 - 0.8 * here - 2.0 * (around - 0.45).abs(),
-            Role::InsideForest | Role::Canopy => here + 0.8 * around + 0.7 * gentle - 1.0,
+            Role::InsideForest | Role::Canopy => here + 0.8 * around + 1.2 * gentle - 1.5,
             Role::Ridge => 1.6 * self.stands_out[cell] + 0.6 * self.altitude[cell] - 0.2 * here,
             Role::Overview => 0.3 * self.altitude[cell],
         }
@@ -256,8 +273,7 @@ impl Survey {
                     let change: f32 = radius - before;
                     // Smooth loops: no zigzag between the middle and the border, and the last near the first.
                     let closing = if i + 1 == roles.len() { (radius - 1.0).abs() } else { 0.0 };
-                    let score =
-                        self.suits(self.cell(at), role) - 1.6 * change * change - closing;
+                    let score = self.suits(self.cell(at), role) - 1.6 * change * change - closing;
                     if score > best.0 {
                         best = (score, at, radius);
                     }

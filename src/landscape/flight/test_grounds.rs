@@ -88,8 +88,7 @@ pub(super) fn woods<'a>(
                     continue;
                 }
                 let young = random(4) < 0.1;
-                let height_m =
-                    if young { 3.0 + 4.0 * random(5) } else { 12.0 + 12.0 * random(5) };
+                let height_m = if young { 3.0 + 4.0 * random(5) } else { 12.0 + 12.0 * random(5) };
                 crowns.push(Crown {
                     position: Vec3::new(at.x, site.height_m, at.y),
                     radius_m: height_m * (0.12 + 0.1 * random(6)),

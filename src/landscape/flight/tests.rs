@@ -33,9 +33,15 @@ fn check(name: &str, ground: &dyn Ground, cell_m: f32, seed: u64) -> Vec<(Role, 
         assert!(above >= GROUND_CLEARANCE_M, "{name} {seed}: {above} m above ground at t {t}");
         assert!(eye.y >= level + WATER_CLEARANCE_M, "{name} {seed}: {} over water", eye.y - level);
         let moved = eye.distance(before);
-        assert!((moved - step).abs() < 0.12 * step + 4e-3, "{name} {seed}: {moved} of {step} at {t}");
+        assert!(
+            (moved - step).abs() < 0.12 * step + 4e-3,
+            "{name} {seed}: {moved} of {step} at {t}"
+        );
         let rise = (eye.y - before.y) / moved;
-        assert!((rise - climb).abs() < 0.12 || climb.is_nan(), "{name} {seed}: kink at {t}: {climb} {rise}");
+        assert!(
+            (rise - climb).abs() < 0.12 || climb.is_nan(),
+            "{name} {seed}: kink at {t}: {climb} {rise}"
+        );
         climb = rise;
         let role = path.role_at(t);
         crowns.visit(Vec2::new(eye.x, eye.z), 0.0, |crown| {
@@ -67,7 +73,11 @@ fn check(name: &str, ground: &dyn Ground, cell_m: f32, seed: u64) -> Vec<(Role, 
     println!(
         "{name} {seed}: {:.0} m in {took:.2} s, lowest {lowest:.2}, bark {closest:.2}, turn {fastest:.1}°/s, {}",
         path.length_m(),
-        shares.iter().map(|(r, s)| format!("{r} {:.0} %", s * 100.0)).collect::<Vec<_>>().join(", ")
+        shares
+            .iter()
+            .map(|(r, s)| format!("{r} {:.0} %", s * 100.0))
+            .collect::<Vec<_>>()
+            .join(", ")
     );
     assert!(fastest < 25.0 || ground.side_m() < 1000.0, "{name} {seed}: turns {fastest}°/s");
     assert!(path.position(0.25).distance(path.position(1.25)) < 0.05);
