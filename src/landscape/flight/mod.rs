@@ -1,9 +1,11 @@
 //! A closed camera path through varied places: ground, biomes and crowns in, eye and direction by time out.
 //!
 //! `survey` (a varied neighbourhood, way points by role) → `curve` (closed spline, no tight bends) → `corridor` (steers
-//! between the trunks) → `profile` (heights that clear ground, water and leaves) → `view` (where to look). Building reads
-//! some 15,000 sites of the ground and is O(length) otherwise, whatever the size of the world; a query is O(1).
+//! between the trunks) → `profile` (heights that clear ground, water and leaves) → `captions` (what came of it) and
+//! `view` (where to look). Building reads some 7,000 sites of the ground and is O(length) otherwise, whatever the size of
+//! the world; a query is O(1).
 
+mod captions;
 mod corridor;
 mod crowns;
 mod curve;
@@ -60,7 +62,7 @@ pub enum Role {
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.pad(match self {
-            Self::ValleyFloor => "valley floor",
+            Self::ValleyFloor => "open ground",
             Self::ForestEdge => "forest edge",
             Self::InsideForest => "inside the forest",
             Self::Canopy => "over the crowns",
@@ -144,7 +146,15 @@ impl FlightPath {
             }
         }
         let below_leaves = profile::set_heights(&mut points, &above_m, step_m, ground, &mut crowns);
-        name_forest(&mut roles, &below_leaves, step_m);
+        captions::name_stretches(
+            &mut roles,
+            &points,
+            &below_leaves,
+            overview_m(length_m),
+            step_m,
+            ground,
+            &mut crowns,
+        );
 
         // Sidesteps and climbs changed lengths: space the points evenly again.
         let count = point_count(curve::loop_length(&points));
@@ -217,6 +227,11 @@ fn curve_through(way: &[WayPoint], bend_m: f32) -> Vec<Vec3> {
     curve::resampled(&points, count).into_iter().map(|(_, p)| p).collect()
 }
 
+/// Height of the overview above the ground: enough to look over the loop, 120 to 250 m on large grounds.
+fn overview_m(length_m: f32) -> f32 {
+    (length_m * 0.05).clamp(12.0, 190.0)
+}
+
 /// Height above the ground and role of each point; turns the list so that it begins at the first way point, the overview,
 /// where no crown is near.
 fn wanted(
@@ -232,8 +247,7 @@ fn wanted(
     };
     points.rotate_left(nearest(points, way[0].at));
     let mut rng = SplitMix64(seed ^ 0x0A17_17DE);
-    // High enough to look over the loop, within 120 to 250 m on large grounds.
-    let overview_m = (length_m * 0.05).clamp(12.0, 190.0);
+    let overview_m = overview_m(length_m);
     let mut stops: Vec<(usize, f32, Role)> = way
         .iter()
         .enumerate()
@@ -259,19 +273,4 @@ fn wanted(
         }
     }
     (above_m, roles)
-}
-
-/// Names the stretches below leaves, with the gaps between them, and takes the name from those that had to go above.
-fn name_forest(roles: &mut [Role], below_leaves: &[bool], step_m: f32) {
-    let n = roles.len();
-    let reach = ((25.0 / step_m) as usize).clamp(1, n / 8);
-    let values: Vec<f32> = below_leaves.iter().map(|b| f32::from(u8::from(*b))).collect();
-    let near = curve::running_maximum(&values, reach);
-    for (role, near) in roles.iter_mut().zip(near) {
-        if near > 0.0 {
-            *role = Role::InsideForest;
-        } else if *role == Role::InsideForest {
-            *role = Role::Canopy;
-        }
-    }
 }

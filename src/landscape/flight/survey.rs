@@ -159,7 +159,7 @@ struct Survey {
     forest_around: Vec<f32>,
     /// Tangent of the slope over a cell.
     slope: Vec<f32>,
-    /// 1 on and beside water.
+    /// 1 beside and on shallow water, less far out.
     water: Vec<f32>,
     /// 0 lowest to 1 highest of the survey.
     altitude: Vec<f32>,
@@ -202,7 +202,9 @@ impl Survey {
             let dz = h(x, (z + 1).min(CELLS - 1)) - h(x, z.saturating_sub(1));
             survey.slope.push(dx.hypot(dz) / (2.0 * step));
             survey.forest_around.push(survey.mean(&survey.forest, cell, 1));
-            survey.water.push(1.0 - smoothstep(0.5, 8.0, bed[cell]));
+            // Shores show more than open water.
+            let far_out = smoothstep(3.0, 15.0, -bed[cell]);
+            survey.water.push((1.0 - smoothstep(0.5, 8.0, bed[cell])) * (1.0 - 0.8 * far_out));
             survey.altitude.push((survey.heights[cell] - low) / (high - low).max(1.0));
         }
         survey
