@@ -6,7 +6,7 @@
 #import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_types::{STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT, pbr_input_new}
 #import bevy_treeline::instance::{rotate, rotation_of, tint_of}
-#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_metallic, surfel_roughness, surfel_normal}
+#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
 @group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
@@ -48,7 +48,13 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
 
     let ndc = vec2(vec2<f32>(pixel) + 0.5) / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     let position = view.world_from_clip * vec4(ndc, depth, 1.0);
-    let albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+    let is_lit = (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u;
+    if is_lit {
+        // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
+        // the crossfade.
+        albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
+    }
 
     var pbr = pbr_input_new();
     pbr.frag_coord = vec4(frag_coord.xy, depth, 1.0);
@@ -59,7 +65,7 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
     pbr.material.base_color = vec4(albedo, 1.0);
     pbr.material.flags |= STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT;
     var color = pbr.material.base_color;
-    if (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u {
+    if is_lit {
         // The face decides which side is seen, as a rasteriser would: interpolated normals look away on low-poly trunks.
         let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
         let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
@@ -67,7 +73,6 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
         pbr.world_normal = pbr.N;
         pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
         pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);
-        pbr.diffuse_occlusion = vec3(surfel_ambient_visibility(cold.albedo_b_misc));
         color = pbr_functions::apply_pbr_lighting(pbr);
     }
     var out: Resolved;

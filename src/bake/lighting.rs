@@ -10,7 +10,10 @@ use super::{
     source::{SourceAlpha, SourceMesh, SourceModel},
     texture::base_color,
 };
-use crate::math::spherical_harmonics::{self as harmonics, Harmonics};
+use crate::{
+    asset::{SURFEL_TWO_SIDED, Surfel},
+    math::spherical_harmonics::{self as harmonics, Harmonics},
+};
 use bevy::math::Vec3;
 use rayon::prelude::*;
 
@@ -110,6 +113,15 @@ impl LightVolume {
         }
         sum
     }
+}
+
+/// Writes the ambient visibility of points. O(n), parallel.
+pub fn light_surfels(surfels: &mut [Surfel], light: &LightVolume) {
+    surfels.par_iter_mut().for_each(|surfel| {
+        let two_sided = surfel.flags & SURFEL_TWO_SIDED != 0;
+        let visibility = light.visibility(surfel.position, surfel.normal, two_sided);
+        surfel.ambient_visibility = (visibility * 255.0).round() as u8;
+    });
 }
 
 fn add(mut sum: Harmonics, light: Harmonics, weight: f32) -> Harmonics {

@@ -187,7 +187,8 @@ pub fn bake_with_progress(
         let (from, share) = match stage {
             BakeStage::Loading => (0.0, 0.15),
             BakeStage::Peeling => (0.15, 0.5),
-            BakeStage::Ordering => (0.65, 0.3),
+            BakeStage::Ordering => (0.65, 0.25),
+            BakeStage::Lighting => (0.9, 0.05),
             BakeStage::Packing => (0.95, 0.05),
         };
         bar.set_message(stage.name());
