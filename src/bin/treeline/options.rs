@@ -118,6 +118,9 @@ pub struct BakeOptions {
     /// Seed of the order.
     #[arg(long = "bake-seed", default_value_t = 1)]
     pub bake_seed: u64,
+    /// Leave out how much light the tree takes from itself: crowns without depth.
+    #[arg(long)]
+    pub flat_light: bool,
     /// Folder of baked trees of earlier runs (default: the user's cache folder).
     #[arg(long)]
     pub cache: Option<PathBuf>,
@@ -140,6 +143,7 @@ impl BakeOptions {
                 OrderArg::Lattice => OrderMethod::Lattice,
             },
             seed: self.bake_seed,
+            ambient_visibility: !self.flat_light,
             backend: match self.peel {
                 PeelArg::Auto => PeelBackend::Auto,
                 PeelArg::Gpu => PeelBackend::Gpu,
