@@ -20,7 +20,7 @@ pub use asset::{CacheLocation, TreeAsset};
 pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
-    Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor, TreeInstance,
+    DebugView, Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor, TreeInstance,
     TreelineSettings, TreelineSystems,
 };
 pub use plugin::TreelinePlugin;

@@ -61,6 +61,8 @@ shader_files! {
     CLASSIFY = "resolve/classify.wgsl",
     /// Sizes the resolve draw.
     SIZE_RESOLVE = "resolve/size_resolve.wgsl",
+    /// Debug views of resolve.
+    DEBUG_VIEW = "resolve/debug_view.wgsl",
     /// Lights what the visibility buffer holds.
     RESOLVE = "resolve/resolve.wgsl",
 }

@@ -52,6 +52,7 @@ const LAYERS: &[Layer] = &[
     Layer { at: "shaders", may_name: &[], may_not: RENDERER },
     // L2
     Layer { at: "bake", may_name: &["math", "asset", "gpu", "shaders"], may_not: &[] },
+    Layer { at: "bake/lighting", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/order", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/settings", may_name: &["math"], may_not: ENGINE },
     Layer { at: "bake/surfels", may_name: &["math", "asset"], may_not: ENGINE },

@@ -4,7 +4,7 @@ use bevy::{
     tasks::block_on,
 };
 use bevy_treeline::{
-    asset::{Surfel, SurfelCold, SurfelHot},
+    asset::{Surfel, SurfelCold, SurfelHot, light_factor},
     math::{bounding::Aabb, hash, octahedral, quantize},
     shaders,
 };
@@ -13,7 +13,7 @@ const LO: Vec3 = Vec3::new(-2.0, 0.5, 10.0);
 const EXTENT: Vec3 = Vec3::new(4.0, 20.0, 0.25);
 const COUNT: usize = 4096;
 /// Numbers that the shader writes for each input.
-const WRITTEN: usize = 22;
+const WRITTEN: usize = 23;
 
 /// Calls every function of the libraries on words of random bits.
 const ENTRY: &str = "
@@ -29,14 +29,14 @@ fn call_all(@builtin(global_invocation_id) id: vec3<u32>) {
     let albedo = surfel_albedo(w.z, w.w);
     let square = encode(normal);
     let bits = encode_bits(normal, 8u, 7u);
-    var values = array<f32, 22>(
+    var values = array<f32, 23>(
         position.x, position.y, position.z, face.x, face.y, face.z, normal.x, normal.y, normal.z,
         albedo.x, albedo.y, albedo.z, f32(surfel_is_one_sided(w.y)) + 2.0 * f32(surfel_thickness(w.y)), f32(surfel_flags(w.w)), surfel_roughness(w.w),
         surfel_ambient_visibility(w.w), f32(surfel_group(w.w)) + surfel_metallic(w.w), unit_from_bits(w.x), square.x, square.y,
-        f32(bits.x), f32(bits.y),
+        f32(bits.x), f32(bits.y), surfel_light_factor(surfel_ambient_visibility(w.w)),
     );
-    for (var i = 0u; i < 22u; i++) {
-        written[id.x * 22u + i] = values[i];
+    for (var i = 0u; i < 23u; i++) {
+        written[id.x * 23u + i] = values[i];
     }
 }
 ";
@@ -57,7 +57,7 @@ fn expected(words: [u32; 4]) -> [f32; WRITTEN] {
         p.x, p.y, p.z, f.x, f.y, f.z, n.x, n.y, n.z,
         albedo[0], albedo[1], albedo[2], one_sided + 2.0 * f32::from(s.thickness), f32::from(s.flags), s.roughness,
         ambient, f32::from(s.group) + s.metallic, hash::unit_from_bits(words[0]), square.x, square.y,
-        bits[0], bits[1],
+        bits[0], bits[1], light_factor(ambient),
     ];
     values
 }

@@ -50,6 +50,8 @@ const OF_MODULES: &[(&str, &[Def])] = &[(
 #[rustfmt::skip] // one row a line
 const DEF_SETS: &[(&str, &[&[Def]])] = &[
     ("resolve/resolve.wgsl", VIEWS),
+    ("resolve/resolve.wgsl", FOGS),
+    ("resolve/resolve.wgsl", DEBUG_VIEWS),
 ];
 
 /// Def sets of Bevy's mesh view (`MeshPipeline::specialize`) that a pass in Bevy's main pass meets. For `DEF_SETS` rows of
@@ -79,6 +81,25 @@ const VIEWS: &[&[Def]] = &[
         on("VIEW_PROJECTION_ORTHOGRAPHIC"),
         on("SHADOW_FILTER_METHOD_HARDWARE_2X2"),
     ],
+];
+
+/// Kinds of fog that resolve computes itself: squared or not, with the sun's glow or without.
+const FOGS: &[&[Def]] = &[&fog(0, 0), &fog(0, 1), &fog(1, 0), &fog(1, 1)];
+
+const fn fog(squared: u32, glow: u32) -> [Def; 5] {
+    [
+        on("DISTANCE_FOG"),
+        on("VIEW_PROJECTION_PERSPECTIVE"),
+        on("TREELINE_FOG"),
+        uint("TREELINE_FOG_SQUARED", squared),
+        uint("TREELINE_FOG_GLOW", glow),
+    ]
+}
+
+/// Debug views of resolve.
+const DEBUG_VIEWS: &[&[Def]] = &[
+    &[on("VIEW_PROJECTION_PERSPECTIVE"), uint("TREELINE_DEBUG_VIEW", 1)],
+    &[on("VIEW_PROJECTION_ORTHOGRAPHIC"), on("MULTISAMPLED"), uint("TREELINE_DEBUG_VIEW", 8)],
 ];
 
 fn defs(sets: &[&[Def]]) -> Defs {
@@ -219,8 +240,12 @@ fn every_entry_point_is_valid_under_every_def_set() {
     let (libraries, mut composer) = (libraries(), composer());
     let mut failures = Vec::new();
     for shader in shaders::ALL.iter().filter(|(_, source)| has_entry_point(source)) {
-        let row = DEF_SETS.iter().find(|(path, _)| *path == shader.0);
-        for set in row.map_or(&[&[][..]][..], |(_, sets)| sets) {
+        let rows = DEF_SETS.iter().filter(|(path, _)| *path == shader.0);
+        let mut sets: Vec<_> = rows.flat_map(|(_, sets)| sets.iter().copied()).collect();
+        if sets.is_empty() {
+            sets.push(&[]);
+        }
+        for set in sets {
             match check(&mut composer, &libraries, *shader, set) {
                 Ok(module) => {
                     // The label in a capture is the entry point's name, so it has to say which file it is.

@@ -63,6 +63,11 @@ fn surfel_ambient_visibility(albedo_b_misc: u32) -> f32 {
     return f32((albedo_b_misc >> 16u) & 255u) / 255.0;
 }
 
+// What ambient visibility does to the colour. Twin of asset::light_factor.
+fn surfel_light_factor(ambient_visibility: f32) -> f32 {
+    return 0.12 + 0.88 * sqrt(ambient_visibility);
+}
+
 // Cold half: colour class for deferred blending.
 fn surfel_group(albedo_b_misc: u32) -> u32 {
     return (albedo_b_misc >> 24u) & 15u;

@@ -1,12 +1,16 @@
 // Visibility buffer → lit colour and depth, inside Bevy's main pass and with Bevy's own lighting.
 //
 // One quad per covered block of pixels. Runs before the opaque pass, so that terrain hidden by trees is never shaded.
+#import bevy_pbr::mesh_view_bindings as bindings
 #import bevy_pbr::mesh_view_bindings::view
 #import bevy_pbr::mesh_types::MESH_FLAGS_SHADOW_RECEIVER_BIT
 #import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_types::{STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT, pbr_input_new}
+#ifdef TREELINE_DEBUG_VIEW
+#import bevy_treeline::debug_view::debug_color
+#endif
 #import bevy_treeline::instance::{rotate, rotation_of, tint_of}
-#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_metallic, surfel_roughness, surfel_normal}
+#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
 @group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
@@ -25,6 +29,38 @@ fn resolve_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) q
     let pixel = vec2<f32>(vec2((block & 0xffffu) + right, (block >> 16u) + down));
     return vec4(pixel / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0), 0.0, 1.0);
 }
+
+#ifdef TREELINE_FOG
+#import bevy_pbr::mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT
+#import bevy_pbr::shadows
+
+// Bevy's exponential fogs, to the last term (`bevy_pbr::pbr_functions::apply_fog`). A software driver runs every branch
+// of that, so here the kind of fog is part of the pipeline.
+fn apply_fog(color: vec3<f32>, world_position: vec4<f32>, frag_coord: vec2<f32>) -> vec3<f32> {
+    let ray = world_position.xyz - view.world_position;
+    let distance = length(ray);
+    var fog_color = bindings::fog.base_color.rgb;
+    if #{TREELINE_FOG_GLOW}u == 1u {
+        let glow = bindings::fog.directional_light_color;
+        let direction = ray / distance;
+        let view_z = (view.view_from_world * world_position).z;
+        for (var i = 0u; i < bindings::lights.n_directional_lights; i++) {
+            let light = &bindings::lights.directional_lights[i];
+            let cosine = max(dot(direction, (*light).direction_to_light), 0.0);
+            var scattering = pow(cosine, bindings::fog.directional_light_exponent) * (*light).color.rgb * view.exposure;
+            if ((*light).flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
+                scattering *= shadows::fetch_directional_shadow(i, world_position, -direction, view_z, frag_coord);
+            }
+            fog_color += scattering * glow.rgb * glow.a;
+        }
+    }
+    var depth = distance * bindings::fog.be.x;
+    if #{TREELINE_FOG_SQUARED}u == 1u {
+        depth *= depth;
+    }
+    return mix(color, fog_color, bindings::fog.base_color.a * (1.0 - exp(-depth)));
+}
+#endif
 
 struct Resolved {
     @location(0) color: vec4<f32>,
@@ -48,7 +84,13 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
 
     let ndc = vec2(vec2<f32>(pixel) + 0.5) / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     let position = view.world_from_clip * vec4(ndc, depth, 1.0);
-    let albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+    let is_lit = (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u;
+    if is_lit {
+        // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
+        // the crossfade.
+        albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
+    }
 
     var pbr = pbr_input_new();
     pbr.frag_coord = vec4(frag_coord.xy, depth, 1.0);
@@ -57,9 +99,8 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
     pbr.V = pbr_functions::calculate_view(pbr.world_position, pbr.is_orthographic);
     pbr.flags = MESH_FLAGS_SHADOW_RECEIVER_BIT;
     pbr.material.base_color = vec4(albedo, 1.0);
-    pbr.material.flags |= STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT;
     var color = pbr.material.base_color;
-    if (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u {
+    if is_lit {
         // The face decides which side is seen, as a rasteriser would: interpolated normals look away on low-poly trunks.
         let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
         let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
@@ -67,11 +108,19 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
         pbr.world_normal = pbr.N;
         pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
         pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);
-        pbr.diffuse_occlusion = vec3(surfel_ambient_visibility(cold.albedo_b_misc));
         color = pbr_functions::apply_pbr_lighting(pbr);
     }
+#ifdef TREELINE_FOG
+    color = vec4(apply_fog(color.rgb, pbr.world_position, frag_coord.xy), color.a);
+#else
+    pbr.material.flags |= STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT;
+#endif
     var out: Resolved;
     out.color = pbr_functions::main_pass_post_lighting_processing(pbr, color);
     out.depth = depth;
+#ifdef TREELINE_DEBUG_VIEW
+    let shading_normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
+    out.color = vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, cold, shading_normal, pbr.world_position.xyz), 1.0);
+#endif
     return out;
 }

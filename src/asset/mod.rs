@@ -21,7 +21,9 @@ pub use file::{FileError, read_treeline, write_treeline};
 pub use format_error::{FilePart, FormatError, SectionId, SectionProblem};
 #[doc(hidden)]
 pub use surfel::MIRRORS as SURFEL_MIRRORS;
-pub use surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot};
+pub use surfel::{
+    SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot, light_factor,
+};
 pub use tree_asset::{NearMesh, NearMeshPiece, TreeAsset};
 pub use tree_data::{
     BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError,

@@ -60,6 +60,24 @@ gpu_types! {
     }
 }
 
+/// What [`Surfel::ambient_visibility`] (here 0 to 1) does to the colour of a surface: a factor of the albedo, 0 to 1.
+///
+/// One factor for light of the sky and of lamps, because a near mesh has it in its vertex colours, which know no
+/// difference. Light that leaves let through and pass on is not in the visibility: it is why shade has a floor.
+pub fn light_factor(ambient_visibility: f32) -> f32 {
+    LIGHT_FLOOR + (1.0 - LIGHT_FLOOR) * ambient_visibility.sqrt()
+}
+
+/// [`light_factor`] where no light of the sky arrives.
+const LIGHT_FLOOR: f32 = 0.12;
+
+impl SurfelCold {
+    /// Share of the sky that reaches the point, 0 to 255 (255 = open).
+    pub fn ambient_visibility(&self) -> u8 {
+        (self.albedo_b_misc >> 16) as u8
+    }
+}
+
 impl Surfel {
     /// Packs into the two halves; `bounds` is the model's box.
     pub fn pack(&self, bounds: &Aabb) -> (SurfelHot, SurfelCold) {
@@ -110,7 +128,7 @@ impl Surfel {
             flags: (misc & 15) as u8,
             thickness: (hot.position_z_face >> 14 & 3) as u8,
             roughness: (misc >> 4) as f32 / 15.0,
-            ambient_visibility: (cold.albedo_b_misc >> 16) as u8,
+            ambient_visibility: cold.ambient_visibility(),
             group: (cold.albedo_b_misc >> 24 & 15) as u8,
             metallic: (cold.albedo_b_misc >> 28) as f32 / 15.0,
         }

@@ -125,6 +125,12 @@ impl TreeData {
         Some(Surfel::unpack(*hot, *cold, &self.bounds))
     }
 
+    /// Whether any point gets less than all light, as after a bake with
+    /// [`ambient_visibility`](crate::BakeSettings::ambient_visibility). O(n), but short where the answer is yes.
+    pub fn is_shaded(&self) -> bool {
+        self.cold.iter().any(|cold| cold.ambient_visibility() != 255)
+    }
+
     /// Checks everything that drawing and writing rely on. O(1) but for the texts.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! A whole bake: model → points in progressive order, by way of the cache.
 
 use super::{
+    lighting::{LightVolume, light_surfels},
     order, peel,
     peel::gpu::{GpuPeelError, GpuPeeler},
     settings::{BakeSettings, PeelBackend, SettingsError},
@@ -20,6 +21,8 @@ pub enum BakeStage {
     Peeling,
     /// Ordering points.
     Ordering,
+    /// Finding how much light reaches each point.
+    Lighting,
     /// Packing.
     Packing,
 }
@@ -31,6 +34,7 @@ impl BakeStage {
             Self::Loading => "loading",
             Self::Peeling => "peeling",
             Self::Ordering => "ordering",
+            Self::Lighting => "lighting",
             Self::Packing => "packing",
         }
     }
@@ -243,9 +247,14 @@ fn bake(
     });
     let ordering = ordering_start.elapsed().as_secs_f64();
 
+    let mut all = surfels::surfels(model, &output);
+    if settings.ambient_visibility {
+        let light = LightVolume::of_model(model, &|done| progress(BakeStage::Lighting, 0.8 * done));
+        light_surfels(&mut all, &light);
+        progress(BakeStage::Lighting, 1.0);
+    }
     progress(BakeStage::Packing, 0.0);
     let surface_area = surfels::sample_area(&output, &directions) as f32;
-    let all = surfels::surfels(model, &output);
     let (hot, cold) = permutation.iter().map(|&i| all[i as usize].pack(&bounds)).unzip();
     let total = loading + start.elapsed().as_secs_f64();
     info!("{}: {points} points in {total:.2} s ({backend})", model.name);

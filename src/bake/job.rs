@@ -3,7 +3,7 @@
 use super::{
     assemble::{BakeContext, BakeError, BakeStage, Baked, bake_file, bake_model},
     loader::{NearMeshLoader, TreeLoader},
-    near,
+    near::{self, NearMeshSource},
     peel::gpu::GpuPeeler,
     settings::BakeSettings,
     source::SourceModel,
@@ -101,7 +101,7 @@ impl BakeEnvironment {
 struct BakeTask {
     handle: Handle<TreeAsset>,
     name: String,
-    task: Task<Result<Baked, BakeError>>,
+    task: Task<Result<(Baked, Vec<NearMeshSource>), BakeError>>,
 }
 
 /// Bakes started by [`TreeBaker`].
@@ -177,7 +177,10 @@ impl TreeBaker<'_> {
         let bake_name = name.clone();
         let task = AsyncComputeTaskPool::get().spawn(async move {
             let progress = environment.progress.begin(&bake_name);
-            bake(&environment, &|stage, done| progress.set(stage, done))
+            let baked = bake(&environment, &|stage, done| progress.set(stage, done))?;
+            // Here, not where it is received: it takes longer than a frame may.
+            let near = near::near_mesh_sources(&baked.model, baked.data.is_shaded());
+            Ok((baked, near))
         });
         self.tasks.running.push(BakeTask { handle: handle.clone(), name, task });
         handle
@@ -201,9 +204,9 @@ fn finish_bakes(
             continue;
         };
         match result {
-            Ok(baked) => {
+            Ok((baked, near)) => {
                 let mesh = near::near_mesh(
-                    near::near_mesh_sources(&baked.model),
+                    near,
                     |_, image| images.add(image),
                     |_, mesh, material| (meshes.add(mesh), materials.add(material)),
                 );

@@ -33,6 +33,20 @@ pub struct TreeLoaderSettings {
     pub points_only: bool,
 }
 
+/// How a near mesh is loaded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct NearMeshLoaderSettings {
+    /// As [`BakeSettings::ambient_visibility`]. Default: true.
+    pub ambient_visibility: bool,
+}
+
+impl Default for NearMeshLoaderSettings {
+    fn default() -> Self {
+        Self { ambient_visibility: true }
+    }
+}
+
 /// Loads [`TreeAsset`]s.
 #[derive(TypePath, Clone)]
 pub struct TreeLoader {
@@ -98,10 +112,14 @@ fn parse(bytes: &[u8], context: &mut LoadContext) -> Result<SourceModel, SourceE
     source::parse_model(&path.to_string(), bytes, &mut read)
 }
 
-fn label_near_mesh(model: &SourceModel, context: &mut LoadContext) -> NearMesh {
+fn label_near_mesh(
+    model: &SourceModel,
+    ambient_visibility: bool,
+    context: &mut LoadContext,
+) -> NearMesh {
     let context = std::cell::RefCell::new(context);
     near::near_mesh(
-        near::near_mesh_sources(model),
+        near::near_mesh_sources(model, ambient_visibility),
         |i, image| context.borrow_mut().add_labeled_asset(format!("treeline/texture{i}"), image),
         |i, mesh, material| {
             let mut context = context.borrow_mut();
@@ -134,17 +152,23 @@ impl AssetLoader for TreeLoader {
             let data = format::decode(&bytes)
                 .map_err(|error| LoadTreeError::Format { path: name, error })?;
             let source = data.source.as_ref().filter(|_| !settings.points_only);
-            let near_mesh = source.map(|source| context.load(sibling(&path, &source.path)));
+            let ambient_visibility = data.is_shaded();
+            let near_mesh = source.map(|source| {
+                let set = move |settings: &mut NearMeshLoaderSettings| {
+                    settings.ambient_visibility = ambient_visibility;
+                };
+                context.load_builder().with_settings(set).load(sibling(&path, &source.path))
+            });
             return Ok(TreeAsset { data: Arc::new(data), near_mesh });
         }
         let model = Arc::new(parse(&bytes, context)?);
         let loading = start.elapsed().as_secs_f64();
-        let near_mesh = (!settings.points_only).then(|| {
-            let mesh = label_near_mesh(&model, context);
-            context.add_labeled_asset("treeline/near_mesh", mesh)
-        });
         let environment = self.environment.clone();
         let bake = settings.bake.clone().unwrap_or_else(|| environment.settings.clone());
+        let near_mesh = (!settings.points_only).then(|| {
+            let mesh = label_near_mesh(&model, bake.ambient_visibility, context);
+            context.add_labeled_asset("treeline/near_mesh", mesh)
+        });
         // Peeling and ordering take seconds: off the threads that read files.
         let task = AsyncComputeTaskPool::get().spawn(async move {
             let progress = environment.progress.begin(&model.name);
@@ -164,19 +188,19 @@ impl AssetLoader for TreeLoader {
 
 impl AssetLoader for NearMeshLoader {
     type Asset = NearMesh;
-    type Settings = ();
+    type Settings = NearMeshLoaderSettings;
     type Error = LoadTreeError;
 
     async fn load(
         &self,
         reader: &mut dyn Reader,
-        _: &(),
+        settings: &NearMeshLoaderSettings,
         context: &mut LoadContext<'_>,
     ) -> Result<NearMesh, LoadTreeError> {
         let name = context.path().to_string();
         let bytes = read_all(reader, &name).await?;
         let model = parse(&bytes, context)?;
-        Ok(label_near_mesh(&model, context))
+        Ok(label_near_mesh(&model, settings.ambient_visibility, context))
     }
 }
 

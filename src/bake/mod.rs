@@ -1,4 +1,4 @@
-//! L2: mesh → tree. `source` → `peel` → `surfels` → `order` → `assemble`; `job` runs it in the background.
+//! L2: mesh → tree. `source` → `peel` → `surfels` → `lighting` → `order` → `assemble`; `job` runs it in the background.
 //!
 //! In: a model file ([`bake_file`]), or a model of any origin ([`bake_model`], [`model_of_entities`]). Out: [`Baked`], the points
 //! and the model they came from. In a running game, load a model as a [`TreeAsset`](crate::TreeAsset), or start a bake with
@@ -15,6 +15,7 @@
 mod assemble;
 mod entities;
 mod job;
+pub mod lighting;
 mod loader;
 mod near;
 pub mod order;
@@ -32,6 +33,6 @@ pub use assemble::{BakeContext, BakeError, BakeStage, Baked, bake_file, bake_mod
 pub use entities::{EntityModelError, model_of_entities};
 pub(crate) use job::BakePlugin;
 pub use job::{BakeFailed, BakeProgress, BakeTasks, TreeBaker};
-pub use loader::{LoadTreeError, NearMeshLoader, TreeLoader, TreeLoaderSettings, TreeSaver};
+pub use loader::{LoadTreeError, NearMeshLoader, NearMeshLoaderSettings, TreeLoader, TreeLoaderSettings, TreeSaver};
 pub use near::{NearMeshSource, near_mesh_sources};
 pub use settings::{BakeSettings, OrderMethod, PeelBackend, SettingsError};

@@ -1,8 +1,9 @@
 //! A source model as Bevy meshes and materials: what is drawn near the camera.
 
-use super::source::{SourceAlpha, SourceImage, SourceMaterial, SourceModel, SourceWrap};
+use super::lighting::LightVolume;
+use super::source::{SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceWrap};
 use crate::{
-    asset::{NearMesh, NearMeshPiece},
+    asset::{NearMesh, NearMeshPiece, light_factor},
     math::bounding::Aabb,
 };
 use bevy::{
@@ -12,6 +13,7 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat},
 };
+use rayon::prelude::*;
 
 /// One part of a near mesh before it has handles.
 #[derive(Clone, Debug)]
@@ -29,8 +31,13 @@ pub struct NearMeshSource {
 }
 
 /// The model's triangles gathered by material, in the order of materials.
-pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
+///
+/// With `ambient_visibility`, vertex colours hold how much light reaches them, from the same [`LightVolume`] as that of
+/// points, so that a tree does not change its brightness as it becomes points; the volume is made here, which takes
+/// some 50 ms. Pass [`TreeData::is_shaded`](crate::asset::TreeData::is_shaded) of the points.
+pub fn near_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
     let middle = model.bounds().center();
+    let light = ambient_visibility.then(|| LightVolume::of_model(model, &|_| ()));
     let parts = model.materials.iter().enumerate().filter_map(|(index, material)| {
         let meshes: Vec<_> = model
             .meshes
@@ -40,7 +47,9 @@ pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
         meshes.first()?;
         let textured =
             material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());
-        let colored = meshes.iter().any(|m| !m.colors.is_empty());
+        // Without light there is none to lose.
+        let light = light.as_ref().filter(|_| !material.unlit);
+        let colored = light.is_some() || meshes.iter().any(|m| !m.colors.is_empty());
         let (mut positions, mut normals, mut uvs, mut colors, mut indices) =
             (vec![], vec![], vec![], vec![], Vec::<u32>::new());
         for mesh in &meshes {
@@ -53,8 +62,7 @@ pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
                 uvs.extend((0..count).map(|i| mesh.uvs.get(i).unwrap_or(&zero).to_array()));
             }
             if colored {
-                let white = Vec4::ONE;
-                colors.extend((0..count).map(|i| mesh.colors.get(i).unwrap_or(&white).to_array()));
+                colors.extend(vertex_colors(mesh, material, light));
             }
             indices.extend(mesh.triangles.iter().flatten().map(|i| base + i));
         }
@@ -79,6 +87,22 @@ pub fn near_mesh_sources(model: &SourceModel) -> Vec<NearMeshSource> {
         })
     });
     parts.collect()
+}
+
+/// Vertex colours of a mesh, darkened where light does not reach.
+fn vertex_colors(
+    mesh: &SourceMesh,
+    material: &SourceMaterial,
+    light: Option<&LightVolume>,
+) -> Vec<[f32; 4]> {
+    let color = |i: usize| {
+        let own = mesh.colors.get(i).copied().unwrap_or(Vec4::ONE);
+        let Some(light) = light else { return own.to_array() };
+        let normal = mesh.normals.get(i).copied().unwrap_or(Vec3::Y);
+        let visibility = light.visibility(mesh.positions[i], normal, material.double_sided);
+        (own.truncate() * light_factor(visibility)).extend(own.w).to_array()
+    };
+    (0..mesh.positions.len()).into_par_iter().map(color).collect()
 }
 
 fn standard_material(material: &SourceMaterial) -> StandardMaterial {

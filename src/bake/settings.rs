@@ -46,6 +46,8 @@ pub struct BakeSettings {
     pub order: OrderMethod,
     /// Seed of everything random in the bake. Default: 1.
     pub seed: u64,
+    /// Points and near meshes are darker where the model's own leaves and wood keep light away. Default: true.
+    pub ambient_visibility: bool,
     /// Who peels; does not change the result beyond rounding. Default: auto.
     pub backend: PeelBackend,
 }
@@ -59,6 +61,7 @@ impl Default for BakeSettings {
             partition_triangles: false,
             order: OrderMethod::default(),
             seed: 1,
+            ambient_visibility: true,
             backend: PeelBackend::default(),
         }
     }

@@ -5,7 +5,7 @@ use super::source::{SourceMaterial, SourceModel};
 use super::thickness::thickness_classes;
 use crate::asset::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel};
 
-/// The surfel of each sample. Ambient visibility is open (255) and the group 0: later stages of the bake write them.
+/// The surfel of each sample. Ambient visibility is open (255), which `lighting` changes, and the group 0.
 pub fn surfels(model: &SourceModel, output: &PeelOutput) -> Vec<Surfel> {
     let fallback = SourceMaterial::default();
     let thickness = thickness_classes(output);

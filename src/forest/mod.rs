@@ -5,6 +5,7 @@
 //! ([`select_instance`], [`emit_items`]). Cost: trees near a camera, not all trees.
 
 mod components;
+mod debug_view;
 mod forest_index;
 mod instance;
 mod lod_state;
@@ -17,7 +18,7 @@ pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
-pub use settings::{SplatPath, SplatShape, TreelineSettings};
+pub use settings::{DebugView, SplatPath, SplatShape, TreelineSettings};
 
 use crate::asset::{NearMesh, TreeAsset};
 use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};
@@ -58,7 +59,11 @@ impl Plugin for ForestPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (forest_index::index_forests, near_mesh::update_near_meshes)
+                    (
+                        forest_index::index_forests,
+                        near_mesh::update_near_meshes,
+                        debug_view::paint_near_meshes,
+                    )
                         .chain()
                         .in_set(TreelineSystems::NearMeshes),
                     lod_state::update_lod_state.in_set(TreelineSystems::LodState),

@@ -15,6 +15,31 @@ pub enum SplatShape {
     Squares,
 }
 
+/// What a camera shows of the points instead of their lit colours: to see what the level of detail does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum DebugView {
+    /// The picture.
+    #[default]
+    Off,
+    /// Points red, near meshes blue (the figure of Chen and Nguyen 2001). Every camera then sees the meshes blue.
+    PointsAndTriangles,
+    /// Length of the prefix that is drawn, `N / N0`: red is all points, and each step towards blue fewer (blue: 1/4096).
+    PrefixLength,
+    /// Points per pixel of the tree's surface seen face on, before fading: blue 1/4 or less, green 2, red 16 or more. It
+    /// is `q` until a tree has no more points to give.
+    PointsPerPixel,
+    /// Trees in the crossfade band orange, complete points green.
+    FadeBand,
+    /// A colour for each 256 neighbours of the instance buffer.
+    Tiles,
+    /// Shading normals in world space as colours: x, y, z from -1 to 1 are red, green, blue from 0 to 1.
+    SurfelNormals,
+    /// How much of the sky reaches each point: white is all of it.
+    AmbientVisibility,
+    /// Colours without light.
+    Albedo,
+}
+
 /// Which kernels draw the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 pub enum SplatPath {
@@ -46,6 +71,8 @@ pub struct TreelineSettings {
     pub overlap_gain: f32,
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
+    /// What to show instead of lit points. Default: off, which costs nothing.
+    pub debug_view: DebugView,
     /// Points per frame at most, in millions; 64 points are a work item, and items that do not fit are counted and
     /// reported. 16 bytes of GPU memory for each 64 points. Default: 32.
     pub point_capacity_millions: f32,
@@ -61,6 +88,7 @@ impl Default for TreelineSettings {
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
+            debug_view: DebugView::Off,
             point_capacity_millions: 32.0,
         }
     }

@@ -154,7 +154,8 @@ impl Stage {
     /// The model's meshes and materials, centred on the middle of its box.
     pub fn near_mesh(&mut self, name: &str) -> NearMesh {
         let world = self.app.world_mut();
-        let parts = near_mesh_sources(&baked(name).model).into_iter().map(|source| {
+        let Baked { model, data, .. } = baked(name);
+        let parts = near_mesh_sources(model, data.is_shaded()).into_iter().map(|source| {
             let mut material = source.material;
             let image = source.texture.map(|t| world.resource_mut::<Assets<Image>>().add(t));
             material.base_color_texture = image;

@@ -118,6 +118,9 @@ pub struct BakeOptions {
     /// Seed of the order.
     #[arg(long = "bake-seed", default_value_t = 1)]
     pub bake_seed: u64,
+    /// Leave out how much light the tree takes from itself: crowns without depth.
+    #[arg(long)]
+    pub flat_light: bool,
     /// Folder of baked trees of earlier runs (default: the user's cache folder).
     #[arg(long)]
     pub cache: Option<PathBuf>,
@@ -140,6 +143,7 @@ impl BakeOptions {
                 OrderArg::Lattice => OrderMethod::Lattice,
             },
             seed: self.bake_seed,
+            ambient_visibility: !self.flat_light,
             backend: match self.peel {
                 PeelArg::Auto => PeelBackend::Auto,
                 PeelArg::Gpu => PeelBackend::Gpu,
@@ -187,7 +191,8 @@ pub fn bake_with_progress(
         let (from, share) = match stage {
             BakeStage::Loading => (0.0, 0.15),
             BakeStage::Peeling => (0.15, 0.5),
-            BakeStage::Ordering => (0.65, 0.3),
+            BakeStage::Ordering => (0.65, 0.25),
+            BakeStage::Lighting => (0.9, 0.05),
             BakeStage::Packing => (0.95, 0.05),
         };
         bar.set_message(stage.name());

@@ -25,7 +25,7 @@ pub fn add_tree(world: &mut World, baked: &Baked, with_mesh: bool) -> Handle<Tre
 
 /// The model's meshes and materials.
 pub fn add_near_mesh(world: &mut World, baked: &Baked) -> NearMesh {
-    let parts = near_mesh_sources(&baked.model).into_iter().map(|source| {
+    let parts = near_mesh_sources(&baked.model, baked.data.is_shaded()).into_iter().map(|source| {
         let mut material = source.material;
         material.base_color_texture =
             source.texture.map(|texture| world.resource_mut::<Assets<Image>>().add(texture));

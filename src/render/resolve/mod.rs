@@ -2,12 +2,15 @@
 //!
 //! `classify` → `size_resolve` → `resolve` (a render pass with Bevy's own lighting, shadows, fog and tone mapping).
 
+mod variant;
+
 use super::{
     residency::{InstancePool, SurfelPool},
     select::{grid, settings_binding},
     view::{ViewResolvePipeline, ViewTrees, Views},
 };
 use crate::{
+    forest::{DebugView, TreelineSettings},
     gpu::types::{GpuCounters, RESOLVE_BLOCK},
     shaders,
 };
@@ -30,6 +33,7 @@ use bevy::{
     shader::ShaderDefVal,
 };
 use std::num::NonZeroU64;
+use variant::{ResolveKey, SimpleFog};
 
 /// Compute pipelines before the draw.
 #[derive(Resource)]
@@ -44,6 +48,8 @@ pub(super) struct ClassifyPipelines {
 #[derive(Resource, Clone)]
 pub(super) struct ResolvePipeline {
     layout: BindGroupLayoutDescriptor,
+    /// With what debug views read besides.
+    debug_layout: BindGroupLayoutDescriptor,
     shader: Handle<Shader>,
     mesh_pipeline: MeshPipeline,
     empty_mesh_layout: MeshVertexBufferLayoutRef,
@@ -96,6 +102,13 @@ pub(super) fn init_resolve_pipelines(
             (read(), read(), read(), read(), read(), read()),
         ),
     );
+    let debug_layout = BindGroupLayoutDescriptor::new(
+        "treeline_resolve_debug",
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::VERTEX_FRAGMENT,
+            (read(), read(), read(), read(), read(), read(), read(), settings_binding()),
+        ),
+    );
     let no_vertices = VertexBufferLayout {
         array_stride: 0,
         step_mode: VertexStepMode::Vertex,
@@ -103,6 +116,7 @@ pub(super) fn init_resolve_pipelines(
     };
     commands.insert_resource(ResolvePipeline {
         layout,
+        debug_layout,
         shader: asset_server.load(shaders::RESOLVE),
         mesh_pipeline: mesh_pipeline.clone(),
         empty_mesh_layout: MeshVertexBufferLayouts::default()
@@ -111,17 +125,20 @@ pub(super) fn init_resolve_pipelines(
 }
 
 impl SpecializedRenderPipeline for ResolvePipeline {
-    type Key = MeshPipelineKey;
+    type Key = ResolveKey;
 
-    fn specialize(&self, key: MeshPipelineKey) -> RenderPipelineDescriptor {
+    fn specialize(&self, key: ResolveKey) -> RenderPipelineDescriptor {
         // Bevy's own descriptor brings the view layouts, every shader def of the view, sample count and format.
         let mut descriptor = self
             .mesh_pipeline
-            .specialize(key, &self.empty_mesh_layout)
+            .specialize(key.mesh, &self.empty_mesh_layout)
             .expect("no vertex attribute is asked for, so none can be missing");
         descriptor.label = Some("treeline_resolve".into());
         descriptor.layout.truncate(2);
-        descriptor.layout.push(self.layout.clone());
+        descriptor.layout.push(match key.debug_view {
+            DebugView::Off => self.layout.clone(),
+            _ => self.debug_layout.clone(),
+        });
         descriptor.primitive = PrimitiveState::default();
         let defs = [
             ShaderDefVal::UInt("MATERIAL_BIND_GROUP".into(), MATERIAL_BIND_GROUP_INDEX as u32),
@@ -135,6 +152,7 @@ impl SpecializedRenderPipeline for ResolvePipeline {
             fragment.shader = self.shader.clone();
             fragment.entry_point = Some("resolve".into());
             fragment.shader_defs.extend(defs);
+            fragment.shader_defs.extend(key.shader_defs());
         }
         if let Some(depth) = &mut descriptor.depth_stencil {
             depth.depth_write_enabled = Some(true);
@@ -147,22 +165,34 @@ impl SpecializedRenderPipeline for ResolvePipeline {
 #[expect(clippy::type_complexity, reason = "a query is its type")]
 pub(super) fn specialize_resolve(
     mut commands: Commands,
-    cameras: Query<(Entity, &ExtractedView), (With<ExtractedCamera>, With<Camera3d>)>,
+    cameras: Query<
+        (Entity, &ExtractedView, Option<&DistanceFog>, Option<&TreelineSettings>),
+        (With<ExtractedCamera>, With<Camera3d>),
+    >,
     view_keys: Res<ViewKeyCache>,
     pipeline: Option<Res<ResolvePipeline>>,
     mut specialized: ResMut<SpecializedRenderPipelines<ResolvePipeline>>,
     cache: Res<PipelineCache>,
 ) {
     let Some(pipeline) = pipeline else { return };
-    for (entity, view) in &cameras {
+    for (entity, view, fog, settings) in &cameras {
         let Some(&key) = view_keys.get(&view.retained_view_entity) else { continue };
         let topology = MeshPipelineKey::from_primitive_topology_and_strip_index(
             PrimitiveTopology::TriangleList,
             None,
         );
-        let id = specialized.specialize(&cache, &pipeline, key | topology);
+        let key = ResolveKey {
+            mesh: key | topology,
+            fog: SimpleFog::of(fog),
+            debug_view: debug_view(settings),
+        };
+        let id = specialized.specialize(&cache, &pipeline, key);
         commands.entity(entity).insert(ViewResolvePipeline(id));
     }
+}
+
+fn debug_view(settings: Option<&TreelineSettings>) -> DebugView {
+    settings.map_or(DebugView::Off, |settings| settings.debug_view)
 }
 
 /// On cameras that draw trees.
@@ -176,7 +206,7 @@ pub(super) struct ResolveGroups {
 #[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 pub(super) fn prepare_resolve_groups(
     mut commands: Commands,
-    cameras: Query<(Entity, &ViewTrees)>,
+    cameras: Query<(Entity, &ViewTrees, Option<&TreelineSettings>)>,
     views: Res<Views>,
     classify: Option<Res<ClassifyPipelines>>,
     resolve: Option<Res<ResolvePipeline>>,
@@ -190,7 +220,7 @@ pub(super) fn prepare_resolve_groups(
     else {
         return;
     };
-    for (entity, trees) in &cameras {
+    for (entity, trees, settings) in &cameras {
         let Some(view) = views.get(trees) else { continue };
         let classify_group = device.create_bind_group(
             "treeline_classify",
@@ -210,17 +240,29 @@ pub(super) fn prepare_resolve_groups(
                 view.args.as_entire_binding(),
             )),
         );
+        let drawn = [
+            instances.as_entire_binding(),
+            view.items.as_entire_binding(),
+            surfels.hot.as_entire_binding(),
+            surfels.cold.as_entire_binding(),
+            view.visibility.as_entire_binding(),
+            view.blocks.as_entire_binding(),
+        ];
+        let debugged = [surfels.species.as_entire_binding(), view.settings.as_entire_binding()];
+        let (layout, debugged) = match debug_view(settings) {
+            DebugView::Off => (&resolve.layout, None),
+            _ => (&resolve.debug_layout, Some(debugged)),
+        };
+        let entries: Vec<BindGroupEntry> = drawn
+            .into_iter()
+            .chain(debugged.into_iter().flatten())
+            .zip(0..)
+            .map(|(resource, binding)| BindGroupEntry { binding, resource })
+            .collect();
         let group = device.create_bind_group(
             "treeline_resolve",
-            &cache.get_bind_group_layout(&resolve.layout),
-            &BindGroupEntries::sequential((
-                instances.as_entire_binding(),
-                view.items.as_entire_binding(),
-                surfels.hot.as_entire_binding(),
-                surfels.cold.as_entire_binding(),
-                view.visibility.as_entire_binding(),
-                view.blocks.as_entire_binding(),
-            )),
+            &cache.get_bind_group_layout(layout),
+            &entries[..],
         );
         commands.entity(entity).insert(ResolveGroups {
             classify: classify_group,

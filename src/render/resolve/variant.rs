@@ -1,0 +1,57 @@
+//! What resolve pipelines differ in besides Bevy's own key: part of the pipeline, so that what is off costs nothing.
+
+use crate::forest::DebugView;
+use bevy::{
+    color::Alpha,
+    pbr::{DistanceFog, FogFalloff, MeshPipelineKey},
+    shader::ShaderDefVal,
+};
+
+/// Key of a resolve pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) struct ResolveKey {
+    pub mesh: MeshPipelineKey,
+    pub fog: Option<SimpleFog>,
+    pub debug_view: DebugView,
+}
+
+/// Fog of a kind that the shader computes itself. Bevy's own function holds every kind, and a software driver pays for
+/// all of them in every pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) struct SimpleFog {
+    squared: bool,
+    /// Light of the sun scattered in it.
+    glows: bool,
+}
+
+impl SimpleFog {
+    /// `None`: no fog, or a kind that is left to Bevy.
+    pub fn of(fog: Option<&DistanceFog>) -> Option<Self> {
+        let fog = fog?;
+        let squared = match fog.falloff {
+            FogFalloff::Exponential { .. } => false,
+            FogFalloff::ExponentialSquared { .. } => true,
+            FogFalloff::Linear { .. } | FogFalloff::Atmospheric { .. } => return None,
+        };
+        Some(Self { squared, glows: fog.directional_light_color.alpha() > 0.0 })
+    }
+}
+
+impl ResolveKey {
+    /// What the shader is told.
+    pub fn shader_defs(&self) -> Vec<ShaderDefVal> {
+        let mut defs = vec![];
+        if let Some(fog) = self.fog {
+            defs.extend([
+                "TREELINE_FOG".into(),
+                ShaderDefVal::UInt("TREELINE_FOG_SQUARED".into(), fog.squared.into()),
+                ShaderDefVal::UInt("TREELINE_FOG_GLOW".into(), fog.glows.into()),
+            ]);
+        }
+        if self.debug_view != DebugView::Off {
+            let view = self.debug_view as u32;
+            defs.push(ShaderDefVal::UInt("TREELINE_DEBUG_VIEW".into(), view));
+        }
+        defs
+    }
+}
