@@ -39,7 +39,6 @@ pub(super) fn steer(
     low: &LowCrowns,
     aside: Aside,
 ) {
-    let half = ((aside.most_m / OFFSET_M) as usize).clamp(8, MOST_OFFSETS);
     let n = points.len();
     let steps = n / STEP;
     let normals: Vec<Vec2> = (0..n)
@@ -48,7 +47,7 @@ pub(super) fn steer(
             Vec2::new(-along.z, along.x).normalize_or(Vec2::X)
         })
         .collect();
-    let field = Field::new(points, &normals, above_m, roles, crowns, low, half, aside.border_m);
+    let field = Field::new(points, &normals, above_m, roles, crowns, low, aside);
     let offsets = field.cheapest(steps);
     for i in 0..n {
         let at = (i as f32 / STEP as f32).min(steps as f32 - 1e-3);
@@ -82,9 +81,9 @@ impl Field {
         roles: &[Role],
         crowns: &mut Crowns,
         low: &LowCrowns,
-        half: usize,
-        border_m: f32,
+        aside: Aside,
     ) -> Self {
+        let half = ((aside.most_m / OFFSET_M) as usize).clamp(8, MOST_OFFSETS);
         let width = 2 * half + 1;
         let offset = |k: usize| (k as f32 - half as f32) * OFFSET_M;
         let mut costs = Vec::with_capacity(points.len() * width);
@@ -93,7 +92,7 @@ impl Field {
             let start = costs.len();
             costs.extend((0..width).map(|k| {
                 let place = at + normals[i] * offset(k);
-                let outside = place.abs().max_element() > border_m;
+                let outside = place.abs().max_element() > aside.border_m;
                 4e-4 * offset(k) * offset(k) + if outside { TRUNK_COST } else { 0.0 }
             }));
             let row = &mut costs[start..];
@@ -117,13 +116,15 @@ impl Field {
                 }
                 let wide = (reach * reach - ahead * ahead).sqrt();
                 let index = |v: f32| (v / OFFSET_M + half as f32).clamp(0.0, width as f32 - 1.0);
-                for k in index(side - wide).ceil() as usize..=index(side + wide) as usize {
+                let from = index(side - wide).ceil() as usize;
+                let to = index(side + wide) as usize;
+                for (k, cost) in row.iter_mut().enumerate().take(to + 1).skip(from) {
                     let distance = (offset(k) - side).hypot(ahead);
                     if distance < hard {
                         // Deeper is worse, so that even a blocked way keeps to the rim.
-                        row[k] += TRUNK_COST * (1.2 - distance / hard);
+                        *cost += TRUNK_COST * (1.2 - distance / hard);
                     } else if distance < soft {
-                        row[k] += leaves * (1.0 - distance / soft);
+                        *cost += leaves * (1.0 - distance / soft);
                     }
                 }
             });

@@ -109,7 +109,7 @@ fn draw(name: &str, ground: &dyn Ground, seed: u64) {
             image.put_pixel(x, y, color_of(path.role_at(share(x - MAP - 10))));
             image.put_pixel(x, y.saturating_sub(1), color_of(path.role_at(share(x - MAP - 10))));
             // Ticks of the view's pitch.
-            if x % 40 == 0 {
+            if x.is_multiple_of(40) {
                 let pitch = (target.y - eye.y) / target.distance(*eye);
                 for k in 0..18 {
                     let y = to_y(eye.y - (-pitch * k as f32) * (high - low) / PROFILE as f32);

@@ -195,7 +195,7 @@ impl Survey {
         let out: Vec<f32> = survey.heights.iter().zip(&wide).map(|(h, w)| h - w).collect();
         let most = out.iter().map(|v| v.abs()).fold(1.0, f32::max);
         survey.stands_out = out.iter().map(|v| v / most).collect();
-        for cell in 0..cells {
+        for (cell, &above_water_m) in bed.iter().enumerate() {
             let [x, z] = [cell % CELLS, cell / CELLS];
             let h = |x: usize, z: usize| survey.heights[z * CELLS + x];
             let dx = h((x + 1).min(CELLS - 1), z) - h(x.saturating_sub(1), z);
@@ -203,8 +203,8 @@ impl Survey {
             survey.slope.push(dx.hypot(dz) / (2.0 * step));
             survey.forest_around.push(survey.mean(&survey.forest, cell, 1));
             // Shores show more than open water.
-            let far_out = smoothstep(3.0, 15.0, -bed[cell]);
-            survey.water.push((1.0 - smoothstep(0.5, 8.0, bed[cell])) * (1.0 - 0.8 * far_out));
+            let far_out = smoothstep(3.0, 15.0, -above_water_m);
+            survey.water.push((1.0 - smoothstep(0.5, 8.0, above_water_m)) * (1.0 - 0.8 * far_out));
             survey.altitude.push((survey.heights[cell] - low) / (high - low).max(1.0));
         }
         survey
