@@ -78,6 +78,7 @@ const STAGES: &[(&str, &[&str])] = &[(
     &[
         "extract",
         "residency",
+        "cull_tiles",
         "view",
         "select",
         "splat",

@@ -8,4 +8,5 @@ pub mod octahedral;
 pub mod point_grid;
 pub mod quantize;
 pub mod sample_elimination;
+pub mod slice_allocator;
 pub mod triangle;
