@@ -23,10 +23,14 @@ macro_rules! paths {
 }
 
 paths! {
-    /// Trees whose species is loaded.
+    /// Trees of the scene, in sight or not, whose species is loaded.
     INSTANCES_SEEN = "instances_seen",
-    /// Trees outside the frustum or deserving no point.
+    /// Trees in forests that were skipped whole, outside the frustum, or deserving no point.
     INSTANCES_CULLED = "instances_culled",
+    /// Forests that were skipped whole.
+    CULLED_TILES = "culled_tiles",
+    /// Forests that are not on the GPU yet.
+    WAITING_FORESTS = "waiting_forests",
     /// Trees drawn by their mesh alone.
     INSTANCES_AS_MESH = "instances_as_mesh",
     /// Trees in the crossfade band.
@@ -65,7 +69,14 @@ fn publish_counters(
     type Plugin = TreelineDiagnosticsPlugin;
     diagnostics.add_measurement(&Plugin::INSTANCES_SEEN, || sum(&|c| c.instances_seen.into()));
     diagnostics.add_measurement(&Plugin::INSTANCES_CULLED, || {
-        sum(&|c| u64::from(c.culled_frustum) + u64::from(c.culled_small))
+        sum(&|c| {
+            u64::from(c.culled_in_tiles) + u64::from(c.culled_frustum) + u64::from(c.culled_small)
+        })
+    });
+    diagnostics.add_measurement(&Plugin::CULLED_TILES, || sum(&|c| c.culled_tiles.into()));
+    // The same for every view.
+    diagnostics.add_measurement(&Plugin::WAITING_FORESTS, || {
+        all.values().map(|c| c.waiting_forests).max().unwrap_or_default().into()
     });
     diagnostics.add_measurement(&Plugin::INSTANCES_AS_MESH, || sum(&|c| c.as_mesh.into()));
     diagnostics.add_measurement(&Plugin::INSTANCES_IN_FADE, || sum(&|c| c.in_fade.into()));

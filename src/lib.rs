@@ -21,7 +21,7 @@ pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
     DebugView, Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor, TreeInstance,
-    TreelineSettings, TreelineSystems,
+    TreelineSettings, TreelineSystems, UploadBudget,
 };
 pub use plugin::TreelinePlugin;
 pub use render::{TreelineCounters, ViewCounters};

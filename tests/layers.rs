@@ -79,6 +79,7 @@ const STAGES: &[(&str, &[&str])] = &[(
     &[
         "extract",
         "residency",
+        "cull_tiles",
         "view",
         "select",
         "splat",

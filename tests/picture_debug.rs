@@ -111,7 +111,8 @@ fn the_crossfade_band_is_orange() {
     stage.light(Vec3::NEG_Y, false);
     let place = Transform::from_xyz(0.0, 4.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);
     let (camera, image) = stage.view(SIZE, place);
-    let band = TreelineSettings { fade_width: 0.6, fade_jitter: 0.0, ..settings(DebugView::FadeBand) };
+    let band =
+        TreelineSettings { fade_width: 0.6, fade_jitter: 0.0, ..settings(DebugView::FadeBand) };
     stage.world().entity_mut(camera).insert(band);
     let found = colors(&stage.shoot(&image, 8));
     assert_eq!(stage.counters(camera).in_fade, 1);
@@ -168,11 +169,16 @@ fn fog_of_points_is_bevys() {
         // One model, as a mesh and as points, without light: what differs is fog.
         let (points, mesh) = wall(&mut stage);
         stage.light(Vec3::new(0.2, -0.1, 1.0), true);
-        let place = Transform::from_xyz(2.0, 3.0, 30.0).looking_at(Vec3::new(0.0, 2.0, 0.0), Vec3::Y);
+        let place =
+            Transform::from_xyz(2.0, 3.0, 30.0).looking_at(Vec3::new(0.0, 2.0, 0.0), Vec3::Y);
         let (camera, image) = stage.view(SIZE, place);
         let fog = DistanceFog {
             color: Color::srgba(0.5, 0.6, 0.8, 0.9),
-            directional_light_color: if glow { Color::srgba(1.0, 0.8, 0.4, 0.7) } else { Color::NONE },
+            directional_light_color: if glow {
+                Color::srgba(1.0, 0.8, 0.4, 0.7)
+            } else {
+                Color::NONE
+            },
             directional_light_exponent: 8.0,
             falloff,
         };
@@ -183,7 +189,8 @@ fn fog_of_points_is_bevys() {
             stage.shoot(&image, 4)
         };
         let (a, b) = (shot(points, mesh), shot(mesh, points));
-        let both: Vec<_> = a.pixels().zip(b.pixels()).filter(|(a, b)| a[3] == 255 && b[3] == 255).collect();
+        let both: Vec<_> =
+            a.pixels().zip(b.pixels()).filter(|(a, b)| a[3] == 255 && b[3] == 255).collect();
         assert!(both.len() > 500, "{} pixels show both", both.len());
         let worst = both.iter().flat_map(|(a, b)| (0..3).map(|c| a[c].abs_diff(b[c]))).max();
         let spread = both.iter().map(|(a, _)| a[0]).max().zip(both.iter().map(|(a, _)| a[0]).min());

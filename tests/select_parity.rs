@@ -11,6 +11,7 @@ use bevy_treeline::{
     ViewCounters,
     forest::{SpeciesShape, ViewPoint, emit_items, select_instance},
     gpu::types::GpuInstanceDraw,
+    lod::fade::ViewRange,
     math::hash::SplitMix64,
 };
 use common::{Stage, baked};
@@ -43,9 +44,9 @@ fn expect(stage: &Stage, camera: Entity, forest: Entity) -> Expected {
     let near = world.resource::<NearMeshes>();
     let mut out = Expected::default();
     let counters = &mut out.counters;
-    let draws: Vec<GpuInstanceDraw> = world
-        .get::<Forest>(forest)
-        .expect("it is a forest")
+    let trees = world.get::<Forest>(forest).expect("it is a forest");
+    let range = trees.view_range().map_or(ViewRange::default(), |r| ViewRange::new(r.start, r.end));
+    let draws: Vec<GpuInstanceDraw> = trees
         .iter()
         .enumerate()
         .map(|(index, tree)| {
@@ -65,7 +66,7 @@ fn expect(stage: &Stage, camera: Entity, forest: Entity) -> Expected {
                 return nothing;
             }
             let has_mesh = near.is_ready(forest, index as u32);
-            let s = select_instance(&view, &settings, &shape, &tree, index as u32, has_mesh);
+            let s = select_instance(&view, &settings, &shape, &tree, range, has_mesh);
             if has_mesh && s.distance < s.band.near {
                 counters.as_mesh += 1;
             } else if s.draw.count == 0 {
@@ -225,6 +226,26 @@ fn what_does_not_fit_is_counted_and_what_fits_is_drawn() {
 }
 
 #[test]
+fn a_view_range_thins_trees_as_on_the_cpu() {
+    let trees = scattered(3000, 6, 0.3);
+    let Some((mut stage, camera, forest)) = planted("a_view_range", false, trees) else { return };
+    stage.step(4);
+    let whole = stage.counters(camera);
+    let mut points = vec![];
+    for range in [900.0..1000.0, 300.0..1000.0, 60.0..1000.0, 60.0..300.0, 60.0..60.0] {
+        let mut trees = stage.world().get_mut::<Forest>(forest).expect("it is a forest");
+        trees.set_view_range(Some(range.clone()));
+        assert_eq!(trees.view_range(), Some(range));
+        stage.step(4);
+        let (found, expected) = (stage.counters(camera), expect(&stage, camera, forest));
+        assert_counters(found, &expected);
+        points.push(found.points);
+    }
+    assert!(whole.points > points[0], "{points:?} of {}", whole.points);
+    assert!(points.is_sorted_by(|a, b| a > b), "{points:?}");
+}
+
+#[test]
 fn near_trees_of_a_forest_are_meshes_as_on_the_cpu() {
     let place = |i: u32| {
         let (x, z) = ((i % 15) as f32 * 2.0 - 14.0, (i / 15) as f32 * -3.0 - 8.0);
@@ -259,7 +280,6 @@ fn a_single_tree_changes_from_mesh_to_points_with_distance() {
         let what = format!("at {distance}: {counters:?} {state:?}");
         assert_eq!((counters.as_mesh, counters.in_fade), (as_mesh, in_fade), "{what}");
         assert_eq!(counters.points == 0, as_mesh == 1, "{what}");
-        // The twin rounds for an index of 0, which the only tree has.
         assert!(counters.points.abs_diff(state.points) <= 1, "{what}");
         assert!((state.distance - distance).abs() < 1e-3, "{what}");
         assert_eq!(state.points_baked, all);

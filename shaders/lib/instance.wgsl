@@ -1,6 +1,7 @@
 // Unpacking of tree instances. CPU twin: src/forest/instance.rs.
 #define_import_path bevy_treeline::instance
 
+#import bevy_treeline::hash::{mix_bits, unit_from_bits}
 #import bevy_treeline::types::TreeInstance
 
 const HAS_MESH: u32 = 0x01000000u;
@@ -12,6 +13,13 @@ fn species_of(instance: TreeInstance) -> u32 {
 
 fn seed_of(instance: TreeInstance) -> u32 {
     return (instance.species_seed_flags >> 16u) & 0xffu;
+}
+
+// A number in [0, 1) that a tree keeps whatever else comes and goes, and wherever in the buffer it lies.
+fn hash_of(instance: TreeInstance) -> f32 {
+    let position = bitcast<vec3<u32>>(instance.position);
+    let seed = mix_bits(seed_of(instance) ^ 0x51ed270bu);
+    return unit_from_bits(position.x ^ mix_bits(position.y ^ mix_bits(position.z ^ seed)));
 }
 
 fn has_mesh(instance: TreeInstance) -> bool {

@@ -44,6 +44,11 @@ fn fade_state(band: FadeBand, d: f32) -> FadeState {
     return FadeState(1.0 - ramp(d, band.middle, band.far), ramp(d, band.near, band.middle));
 }
 
+// Share of the points within a view range.
+fn range_share(d: f32, begin: f32, end: f32) -> f32 {
+    return 1.0 - ramp(d, begin, end);
+}
+
 fn disc_radius(area: f32, n: f32) -> f32 {
     return sqrt(area / max(n, 1e-6) / PI);
 }

@@ -32,6 +32,13 @@ struct TreeInstance {
     species_seed_flags: u32,
 }
 
+struct ViewBlock {
+    first_instance: u32,
+    count: u32,
+    fade_begin: f32,
+    fade_end: f32,
+}
+
 struct InstanceDraw {
     count: u32,
     radius: f32,
@@ -47,7 +54,7 @@ struct WorkItem {
 struct SelectSettings {
     size: vec2<u32>,
     origin: vec2<u32>,
-    instance_count: u32,
+    block_count: u32,
     item_capacity: u32,
     pixels_per_unit: f32,
     quality: f32,

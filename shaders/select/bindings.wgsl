@@ -2,17 +2,20 @@
 #define_import_path bevy_treeline::select_bindings
 
 #import bevy_render::view::View
-#import bevy_treeline::types::{Counters, InstanceDraw, SelectSettings, Species, TreeInstance, WorkItem}
+#import bevy_treeline::types::{Counters, InstanceDraw, SelectSettings, Species, TreeInstance, ViewBlock, WorkItem}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> settings: SelectSettings;
 @group(0) @binding(2) var<storage, read> species: array<Species>;
 @group(0) @binding(3) var<storage, read> instances: array<TreeInstance>;
-@group(0) @binding(4) var<storage, read_write> draws: array<InstanceDraw>;
-// Work items of each block of instances; after `scan_blocks`, the index of its first item.
-@group(0) @binding(5) var<storage, read_write> block_items: array<u32>;
-@group(0) @binding(6) var<storage, read_write> items: array<WorkItem>;
-@group(0) @binding(7) var<storage, read_write> counters: Counters;
+// What the view selects from, front to back: one workgroup each.
+@group(0) @binding(4) var<storage, read> view_blocks: array<ViewBlock>;
+// WORKGROUP of each block; those beyond its count are not written.
+@group(0) @binding(5) var<storage, read_write> draws: array<InstanceDraw>;
+// Work items of each block; after `scan_blocks`, the index of its first item.
+@group(0) @binding(6) var<storage, read_write> block_items: array<u32>;
+@group(0) @binding(7) var<storage, read_write> items: array<WorkItem>;
+@group(0) @binding(8) var<storage, read_write> counters: Counters;
 
 const WORKGROUP: u32 = #{SELECT_WORKGROUP}u;
 const POINTS_PER_ITEM: u32 = #{POINTS_PER_ITEM}u;

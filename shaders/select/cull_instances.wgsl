@@ -1,13 +1,13 @@
 // Culls instances and decides how many points of each are drawn.
 //
-// One thread per instance. In: species, instances, view. Out: `draws` (points and splat radius of each instance) and
-// `block_items` (work items of each block of instances). O(instances). CPU twin: src/forest/select.rs.
+// One workgroup per block of the view, one thread per instance. In: species, instances, blocks, view. Out: `draws`
+// (points and splat radius of each instance) and `block_items` (work items of each block). O(instances in blocks).
+// CPU twin: src/forest/select.rs.
 #import bevy_treeline::hash::unit_from_bits
-#import bevy_treeline::instance::{NOT_RESIDENT, has_mesh, rotate, rotation_of, seed_of, species_of}
-#import bevy_treeline::lod::{d_zero, disc_radius, fade_band, fade_state, prefix_count, round_count}
-#import bevy_treeline::select_bindings::{WORKGROUP, block_index, block_items, counters, draws, instances, item_count, settings, species, view}
-#import bevy_treeline::types::InstanceDraw
-
+#import bevy_treeline::instance::{NOT_RESIDENT, has_mesh, hash_of, rotate, rotation_of, seed_of, species_of}
+#import bevy_treeline::lod::{d_zero, disc_radius, fade_band, fade_state, prefix_count, range_share, round_count}
+#import bevy_treeline::select_bindings::{WORKGROUP, block_index, block_items, counters, draws, instances, item_count, settings, species, view, view_blocks}
+#import bevy_treeline::types::{InstanceDraw, ViewBlock}
 
 var<workgroup> group_items: atomic<u32>;
 
@@ -21,9 +21,9 @@ fn outside_frustum(center: vec3<f32>, radius: f32) -> bool {
     return false;
 }
 
-fn select_instance(index: u32) -> InstanceDraw {
+fn select_instance(block: ViewBlock, lane: u32) -> InstanceDraw {
     var nothing = InstanceDraw(0u, 0.0);
-    let instance = instances[index];
+    let instance = instances[block.first_instance + lane];
     let kind_index = species_of(instance);
     if kind_index == NOT_RESIDENT {
         return nothing;
@@ -54,7 +54,10 @@ fn select_instance(index: u32) -> InstanceDraw {
         }
         wanted *= state.points;
     }
-    let count = round_count(wanted, unit_from_bits(index ^ 0x51ed270bu));
+    if settings.orthographic == 0u {
+        wanted *= range_share(d, block.fade_begin, block.fade_end);
+    }
+    let count = round_count(wanted, hash_of(instance));
     if count == 0u {
         atomicAdd(&counters.culled_small, 1u);
         return nothing;
@@ -73,14 +76,16 @@ fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     }
     workgroupBarrier();
     let block = block_index(group, groups);
-    let index = block * WORKGROUP + lane;
-    if index < settings.instance_count {
-        let draw = select_instance(index);
-        draws[index] = draw;
-        atomicAdd(&group_items, item_count(draw.count));
+    if block < settings.block_count {
+        let view_block = view_blocks[block];
+        if lane < view_block.count {
+            let draw = select_instance(view_block, lane);
+            draws[block * WORKGROUP + lane] = draw;
+            atomicAdd(&group_items, item_count(draw.count));
+        }
     }
     workgroupBarrier();
-    if lane == 0u && block < arrayLength(&block_items) {
+    if lane == 0u && block < settings.block_count {
         block_items[block] = atomicLoad(&group_items);
     }
 }

@@ -1,9 +1,9 @@
-// Writes the work items, in the order of instances and points, whatever order threads run in.
+// Writes the work items, in the order of blocks, instances and points, whatever order threads run in.
 //
 // One workgroup per block of instances; its threads share all items of the block, so that a near tree with
 // thousands of items does not keep one thread busy. CPU twin: src/forest/select.rs.
 #import bevy_treeline::instance::species_of
-#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, WORKGROUP, block_index, block_items, counters, draws, instances, item_count, items, settings, species}
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, WORKGROUP, block_index, block_items, counters, draws, instances, item_count, items, settings, species, view_blocks}
 #import bevy_treeline::types::WorkItem
 
 var<workgroup> first_item: array<u32, #{SELECT_WORKGROUP}>;
@@ -14,7 +14,7 @@ fn emit_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
     let block = block_index(group, groups);
     let begin = block * WORKGROUP;
     var own = 0u;
-    if begin + lane < settings.instance_count {
+    if block < settings.block_count && lane < view_blocks[block].count {
         own = item_count(draws[begin + lane].count);
     }
     first_item[lane] = own;
@@ -38,7 +38,7 @@ fn emit_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
     first_item[lane] -= own;
     workgroupBarrier();
 
-    if begin < settings.instance_count {
+    if block < settings.block_count {
         let base = block_items[block];
         for (var k = lane; k < total; k += WORKGROUP) {
             if base + k >= settings.item_capacity {
@@ -55,8 +55,8 @@ fn emit_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
                     high = middle;
                 }
             }
-            let index = begin + low;
-            let draw = draws[index];
+            let index = view_blocks[block].first_instance + low;
+            let draw = draws[begin + low];
             let first = (k - first_item[low]) * POINTS_PER_ITEM;
             let count = min(draw.count - first, POINTS_PER_ITEM);
             let kind = species_of(instances[index]);

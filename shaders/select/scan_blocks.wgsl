@@ -12,7 +12,7 @@ var<workgroup> run_items: array<u32, #{SELECT_WORKGROUP}>;
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
-    let blocks = (settings.instance_count + WORKGROUP - 1u) / WORKGROUP;
+    let blocks = settings.block_count;
     let run = (blocks + WORKGROUP - 1u) / WORKGROUP;
     let begin = min(lane * run, blocks);
     let end = min(begin + run, blocks);

@@ -1,9 +1,9 @@
 //! The components a game adds.
 
-use super::instance::TreeInstance;
-use crate::{asset::TreeAsset, gpu::types::GpuTreeInstance};
+use super::{forest_index::ForestIndex, instance::TreeInstance};
+use crate::{asset::TreeAsset, gpu::types::GpuTreeInstance, lod::fade::ViewRange};
 use bevy::prelude::*;
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 /// One entity, one tree: near the camera its mesh, farther away its points. Moves with its `Transform`; scales that
 /// differ by axis are drawn as their mean.
@@ -44,6 +44,10 @@ pub struct LodState {
 
 /// Many trees of several species, without an entity each. The entity's `Transform` places the whole.
 ///
+/// A landscape is best made of many forests, one per tile of some hundred metres: what changes is sent to the GPU forest by
+/// forest, and forests out of sight cost next to nothing. [`RenderLayers`](bevy::camera::visibility::RenderLayers) of
+/// the entity say which cameras see it.
+///
 /// ```
 /// # use bevy::prelude::*; use bevy_treeline::{Forest, TreeInstance};
 /// # fn plant(mut commands: Commands, server: Res<AssetServer>) {
@@ -56,17 +60,40 @@ pub struct LodState {
 /// # }
 /// ```
 #[derive(Component, Clone, Debug, Default)]
-#[require(Transform, Visibility)]
+#[require(Transform, Visibility, ForestIndex)]
 pub struct Forest {
-    species: Vec<Handle<TreeAsset>>,
-    // Shared with the render world; a change while a frame is being drawn copies it once.
+    // Both are shared with the render world, which tells a change by the pointer: a change to the trees copies them.
+    species: Arc<[Handle<TreeAsset>]>,
     instances: Arc<Vec<GpuTreeInstance>>,
+    view_range: ViewRange,
 }
 
 impl Forest {
     /// An empty forest of these species.
     pub fn new(species: impl IntoIterator<Item = Handle<TreeAsset>>) -> Self {
-        Self { species: species.into_iter().collect(), instances: default() }
+        Self { species: species.into_iter().collect(), ..default() }
+    }
+
+    /// With points that thin out to nothing between two distances from the camera's eye to a tree, in world units: all
+    /// are drawn nearer than `range.start`, none beyond `range.end`. They leave one by one and do not grow meanwhile.
+    /// Default: drawn at every distance. Numbers out of order are moved to `0 ≤ start ≤ end`.
+    ///
+    /// For ground cover, and for the edge of what is streamed. Parallel views have no distances and draw all. Costs
+    /// nothing per tree; forests wholly beyond their range are skipped.
+    pub fn with_view_range(mut self, range: Range<f32>) -> Self {
+        self.set_view_range(Some(range));
+        self
+    }
+
+    /// Changes what [`Forest::with_view_range`] says; `None`: drawn at every distance.
+    pub fn set_view_range(&mut self, range: Option<Range<f32>>) {
+        self.view_range = range.map_or(ViewRange::default(), |r| ViewRange::new(r.start, r.end));
+    }
+
+    /// The distances between which points thin out to nothing, if there are any.
+    pub fn view_range(&self) -> Option<Range<f32>> {
+        let range = self.view_range;
+        range.is_bounded().then_some(range.begin..range.end)
     }
 
     /// With these trees too.
@@ -115,6 +142,16 @@ impl Forest {
 
     /// The species, in the order that [`TreeInstance::species`] counts.
     pub fn species(&self) -> &[Handle<TreeAsset>] {
+        &self.species
+    }
+
+    /// [`Forest::view_range`] as selection reads it.
+    pub(crate) fn fade_range(&self) -> ViewRange {
+        self.view_range
+    }
+
+    /// The species, shared.
+    pub(crate) fn shared_species(&self) -> &Arc<[Handle<TreeAsset>]> {
         &self.species
     }
 

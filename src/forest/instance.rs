@@ -1,6 +1,9 @@
 //! A tree of a forest, and its 32-byte form. The WGSL twin of the unpacking is `shaders/lib/instance.wgsl`.
 
-use crate::gpu::types::GpuTreeInstance;
+use crate::{
+    gpu::types::GpuTreeInstance,
+    math::hash::{mix_bits, unit_from_bits},
+};
 use bevy::math::{Affine3A, Quat, Vec3};
 
 /// One tree of a [`Forest`](crate::Forest).
@@ -83,6 +86,14 @@ impl TreeInstance {
         }
     }
 
+    /// A number in [0, 1) that this tree keeps whatever else comes and goes: a hash of its position (world space, to
+    /// the bit) and seed. Twin of `hash_of`.
+    pub fn hash(&self) -> f32 {
+        let [x, y, z] = self.position.to_array().map(f32::to_bits);
+        let seed = mix_bits(u32::from(self.seed) ^ 0x51ed_270b);
+        unit_from_bits(x ^ mix_bits(y ^ mix_bits(z ^ seed)))
+    }
+
     /// This tree seen from the world, where the forest's entity stands at `world_from_forest`. Scales that differ by
     /// axis become their mean: points have one scale.
     pub fn in_world(&self, world_from_forest: &Affine3A) -> Self {
@@ -116,6 +127,18 @@ mod tests {
             prop_assert_eq!((back.position, back.scale, back.species, back.tint, back.seed), (tree.position, scale, species, tree.tint, seed));
             prop_assert!(back.rotation.angle_between(tree.rotation) < 1e-3);
         }
+    }
+
+    #[test]
+    fn hashes_of_trees_in_rows_are_spread_evenly() {
+        let mut bins = [0u32; 16];
+        for i in 0..16_000u32 {
+            let at = Vec3::new((i % 128) as f32 * 2.0, 0.0, (i / 128) as f32 * 2.0);
+            bins[(TreeInstance::at(at).hash() * 16.0) as usize] += 1;
+        }
+        assert!(bins.iter().all(|n| (850..1150).contains(n)), "{bins:?}");
+        let tree = TreeInstance::at(Vec3::ONE);
+        assert_ne!(tree.hash(), TreeInstance { seed: 1, ..tree }.hash());
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub(super) fn update_lod_state(
             let has_mesh = near.is_ready(entity, 0);
             let selections = views.iter().map(|(view, settings)| {
                 let selection =
-                    select_instance(view, settings, &tree.shape(), &instance, 0, has_mesh);
+                    select_instance(view, settings, &tree.shape(), &instance, default(), has_mesh);
                 (selection, view.z0)
             });
             let largest =

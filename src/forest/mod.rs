@@ -18,7 +18,7 @@ pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
-pub use settings::{DebugView, SplatPath, SplatShape, TreelineSettings};
+pub use settings::{DebugView, SplatPath, SplatShape, TreelineSettings, UploadBudget};
 
 use crate::asset::{NearMesh, TreeAsset};
 use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};
@@ -44,9 +44,11 @@ impl Plugin for ForestPlugin {
         app.init_asset::<TreeAsset>()
             .init_asset::<NearMesh>()
             .init_resource::<NearMeshes>()
+            .init_resource::<UploadBudget>()
             .register_type::<TreeImpostor>()
             .register_type::<LodState>()
             .register_type::<TreelineSettings>()
+            .register_type::<UploadBudget>()
             .configure_sets(
                 PostUpdate,
                 (

@@ -3,6 +3,8 @@
 //! Each frame the trees within their switch distance of any camera get a mesh entity per part; trees that leave give
 //! it back. Selection is told which instances have one ([`NearMeshes::is_ready`]): only then do points fade out, so a
 //! mesh that is still loading, or beyond the limit of the pool, leaves no hole.
+//!
+//! Cost: a comparison per forest and camera, plus the trees near a camera.
 
 use super::{
     components::{Forest, TreeImpostor},
@@ -12,9 +14,15 @@ use super::{
     select::{SpeciesShape, ViewPoint, select_instance},
     settings::TreelineSettings,
 };
-use crate::asset::{NearMesh, TreeAsset};
+use crate::{
+    asset::{NearMesh, TreeAsset},
+    lod::fade::ViewRange,
+};
 use bevy::{
-    camera::{primitives::Aabb, visibility::VisibilityRange},
+    camera::{
+        primitives::Aabb,
+        visibility::{RenderLayers, VisibilityRange},
+    },
     core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass, NormalPrepass},
     platform::collections::{HashMap, HashSet},
     prelude::*,
@@ -54,6 +62,7 @@ struct Slot {
     frames: u32,
     instance: TreeInstance,
     mesh: AssetId<NearMesh>,
+    layers: RenderLayers,
     dithered: bool,
 }
 
@@ -104,10 +113,39 @@ impl NearMeshes {
     }
 }
 
+/// How far meshes of some species reach.
+#[derive(Clone, Copy, Debug, Default)]
+struct Reach {
+    /// Largest `s`.
+    pixel: f32,
+    /// Largest radius.
+    radius: f32,
+}
+
+impl Reach {
+    /// Of those species that have meshes; `None` if none has one.
+    fn of<'a>(species: impl Iterator<Item = &'a TreeAsset>) -> Option<Self> {
+        species.filter(|asset| asset.near_mesh.is_some()).fold(None, |all: Option<Self>, asset| {
+            let all = all.unwrap_or_default();
+            Some(Self {
+                pixel: all.pixel.max(asset.data.pixel),
+                radius: all.radius.max(asset.data.bounds.radius()),
+            })
+        })
+    }
+
+    /// From the eye to the farthest position of a tree of at most `scale` that may want its mesh.
+    fn distance(&self, scale: f32, view: &ViewPoint, settings: &TreelineSettings) -> f32 {
+        let d0 = self.pixel * scale * view.z0;
+        d0.max(settings.min_mesh_distance) * SPAWN_MARGIN + self.radius * scale
+    }
+}
+
 struct Wanted {
     tree: NearTree,
     instance: TreeInstance,
     mesh: AssetId<NearMesh>,
+    layers: RenderLayers,
     shape: SpeciesShape,
     /// Distance as a share of the switch distance: smaller is more urgent.
     urgency: f32,
@@ -116,11 +154,12 @@ struct Wanted {
     dithered: bool,
 }
 
-/// The most urgent view's opinion of a tree; `None` if no view wants its mesh.
+/// The most urgent opinion of a tree; `None` if no view wants its mesh. No view is parallel.
 fn wanted(
     views: &[(ViewPoint, TreelineSettings)],
     tree: NearTree,
     instance: TreeInstance,
+    (view_range, layers): (ViewRange, Option<&RenderLayers>),
     asset: &TreeAsset,
     meshes: &Assets<NearMesh>,
 ) -> Option<Wanted> {
@@ -129,8 +168,11 @@ fn wanted(
     meshes.get(mesh)?;
     let shape = asset.shape();
     let mut best: Option<Wanted> = None;
-    for (view, settings) in views.iter().filter(|(view, _)| !view.orthographic) {
-        let selection = select_instance(view, settings, &shape, &instance, 0, true);
+    for (view, settings) in views {
+        let selection = select_instance(view, settings, &shape, &instance, view_range, true);
+        if selection.distance >= view_range.end {
+            continue;
+        }
         let band = selection.band;
         let urgency = selection.distance / band.far;
         let dithered = selection.distance > band.middle * 0.9;
@@ -139,6 +181,7 @@ fn wanted(
             tree,
             instance,
             mesh,
+            layers: layers.cloned().unwrap_or_default(),
             shape,
             urgency,
             fade: fade.clone(),
@@ -158,34 +201,53 @@ pub(super) fn update_near_meshes(
     mut pool: ResMut<NearMeshes>,
     cameras: Query<(&Camera, &GlobalTransform, Option<&TreelineSettings>), With<Camera3d>>,
     depth_only: Query<&Camera, DepthOnlyPrepass>,
-    forests: Query<(Entity, &Forest, &ForestIndex, &GlobalTransform, &InheritedVisibility)>,
-    impostors: Query<(Entity, &TreeImpostor, &GlobalTransform, &InheritedVisibility)>,
+    mut forests: Query<(
+        Entity,
+        &Forest,
+        &mut ForestIndex,
+        Ref<GlobalTransform>,
+        &InheritedVisibility,
+        Option<&RenderLayers>,
+    )>,
+    impostors: Query<(
+        Entity,
+        &TreeImpostor,
+        &GlobalTransform,
+        &InheritedVisibility,
+        Option<&RenderLayers>,
+    )>,
     trees: Res<Assets<TreeAsset>>,
     meshes: Res<Assets<NearMesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
     parts: Query<(), With<NearMeshPart>>,
 ) {
-    let views = view_points(cameras.iter());
+    let mut views = view_points(cameras.iter());
+    views.retain(|(view, _)| !view.orthographic);
     let at_once = depth_only.iter().any(|camera| camera.is_active);
     let mut all: Vec<Wanted> = vec![];
-    for (owner, forest, index, transform, visibility) in &forests {
-        if !visibility.get() {
+    let farthest = Reach::of(trees.iter().map(|(_, asset)| asset));
+    for (owner, forest, mut index, transform, visibility, layers) in &mut forests {
+        // Unchanged by this: nobody but this system reads it.
+        let place = index.bypass_change_detection().place(&transform);
+        let is_near = views.iter().any(|(view, settings)| {
+            farthest.is_some_and(|farthest| {
+                let reach = farthest.distance(place.scale, view, settings) + place.radius;
+                // What is not a number is looked at.
+                !(place.center.distance_squared(view.position) > reach * reach)
+            })
+        });
+        if !is_near || !visibility.get() {
             continue;
         }
         let affine = transform.affine();
         let scale = transform.scale().abs().max_element();
         let assets: Vec<_> = forest.species().iter().map(|species| trees.get(species)).collect();
         let mut candidates: Vec<u32> = vec![];
+        let Some(reach) = Reach::of(assets.iter().copied().flatten()) else { continue };
         for (view, settings) in &views {
-            let reach = assets.iter().flatten().map(|asset| {
-                let world = scale * index.max_scale;
-                let d0 = asset.data.pixel * world * view.z0;
-                d0.max(settings.min_mesh_distance) * SPAWN_MARGIN
-                    + asset.data.bounds.radius() * world
-            });
-            let reach = reach.fold(0.0f32, f32::max);
+            let reach = reach.distance(scale * index.max_scale, view, settings);
             let eye = affine.inverse().transform_point3(view.position);
-            candidates.extend(index.near(eye, reach / scale.max(1e-6)));
+            candidates.extend(index.near(forest, eye, reach / scale.max(1e-6)));
         }
         candidates.sort_unstable();
         candidates.dedup();
@@ -195,13 +257,16 @@ pub(super) fn update_near_meshes(
                 continue;
             };
             let tree = NearTree { owner, index: i };
-            all.extend(wanted(&views, tree, instance.in_world(&affine), asset, &meshes));
+            let of_forest = (forest.fade_range(), layers);
+            let instance = instance.in_world(&affine);
+            all.extend(wanted(&views, tree, instance, of_forest, asset, &meshes));
         }
     }
-    for (owner, impostor, transform, visibility) in &impostors {
+    for (owner, impostor, transform, visibility, layers) in &impostors {
         let Some(asset) = trees.get(&impostor.tree).filter(|_| visibility.get()) else { continue };
         let instance = impostor_instance(impostor, transform);
-        all.extend(wanted(&views, NearTree { owner, index: 0 }, instance, asset, &meshes));
+        let tree = NearTree { owner, index: 0 };
+        all.extend(wanted(&views, tree, instance, (default(), layers), asset, &meshes));
     }
     all.sort_by(|a, b| a.urgency.total_cmp(&b.urgency).then(a.tree.cmp(&b.tree)));
     pool.left_as_points = all.len().saturating_sub(pool.max_trees);
@@ -222,7 +287,10 @@ pub(super) fn update_near_meshes(
     for w in all {
         let Some(mesh) = meshes.get(w.mesh) else { continue };
         // Swapped trees and reloaded models: same key, other tree.
-        let stale = |slot: &Slot| slot.mesh != w.mesh || slot.instance.tint != w.instance.tint;
+        let stale = |slot: &Slot| {
+            let other_tint = slot.instance.tint != w.instance.tint;
+            slot.mesh != w.mesh || other_tint || slot.layers != w.layers
+        };
         if pool.slots.get(&w.tree).is_some_and(stale) {
             for part in pool.slots.remove(&w.tree).into_iter().flat_map(|slot| slot.parts) {
                 commands.entity(part).try_despawn();
@@ -265,6 +333,7 @@ pub(super) fn update_near_meshes(
                         Mesh3d(part.mesh.clone()),
                         MeshMaterial3d(material_of(&part.material)),
                         transform,
+                        w.layers.clone(),
                         // Bevy would otherwise walk every vertex of every tree that comes near.
                         Aabb { center: part.center.into(), half_extents: part.half_extents.into() },
                     ));
@@ -279,6 +348,7 @@ pub(super) fn update_near_meshes(
                     frames: 0,
                     instance: w.instance,
                     mesh: w.mesh,
+                    layers: w.layers,
                     dithered: w.dithered,
                 };
                 pool.slots.insert(w.tree, slot);

@@ -5,7 +5,7 @@ use crate::{
     asset::{TreeAsset, TreeData},
     gpu::types::{GpuInstanceDraw, GpuWorkItem, POINTS_PER_ITEM},
     lod::{
-        fade::{FadeBand, fade_band, fade_state},
+        fade::{FadeBand, ViewRange, fade_band, fade_state},
         prefix_count::{d0, prefix_count, round_count, z0},
         splat_size::disc_radius,
     },
@@ -82,14 +82,14 @@ pub struct Selection {
     pub draw: GpuInstanceDraw,
 }
 
-/// Decides what is drawn of an instance at `index` of the instance buffer, apart from culling. Twin of
+/// Decides what is drawn of an instance (world space) of a forest with a view range, apart from culling. Twin of
 /// `select_instance` in `cull_instances.wgsl`.
 pub fn select_instance(
     view: &ViewPoint,
     settings: &TreelineSettings,
     shape: &SpeciesShape,
     instance: &TreeInstance,
-    index: u32,
+    view_range: ViewRange,
     has_mesh: bool,
 ) -> Selection {
     let center = instance.position + instance.rotation * (shape.center * instance.scale);
@@ -119,7 +119,10 @@ pub fn select_instance(
             };
         }
     }
-    let count = round_count(wanted, unit_from_bits(index ^ 0x51ed_270b)).min(shape.point_count);
+    if !view.orthographic {
+        wanted *= view_range.share(d);
+    }
+    let count = round_count(wanted, instance.hash()).min(shape.point_count);
     let scale2 = instance.scale * instance.scale;
     let radius = if count == 0 { 0.0 } else { disc_radius(shape.surface_area * scale2, n) };
     Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count, radius } }
@@ -157,6 +160,8 @@ pub fn emit_items(
 mod tests {
     use super::*;
 
+    const ALWAYS: ViewRange = ViewRange { begin: f32::MAX, end: f32::MAX };
+
     fn shape() -> SpeciesShape {
         SpeciesShape {
             center: Vec3::Y * 5.0,
@@ -173,7 +178,7 @@ mod tests {
         let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
         for d in [30.0, 60.0, 120.0, 500.0, 1500.0] {
             let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -d)).with_scale(1.0);
-            let draw = select_instance(&view, &settings, &shape(), &tree, 3, false).draw;
+            let draw = select_instance(&view, &settings, &shape(), &tree, ALWAYS, false).draw;
             let area = draw.count as f32 * draw.radius * draw.radius * std::f32::consts::PI;
             assert!((area / 60.0 - 1.0).abs() < 0.05, "{area} m² at {d} m");
         }
@@ -185,11 +190,26 @@ mod tests {
         let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
         let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -3.0));
         assert_eq!(
-            select_instance(&view, &settings, &shape(), &tree, 0, false).draw.count,
+            select_instance(&view, &settings, &shape(), &tree, ALWAYS, false).draw.count,
             100_000
         );
-        let near = select_instance(&view, &settings, &shape(), &tree, 0, true);
+        let near = select_instance(&view, &settings, &shape(), &tree, ALWAYS, true);
         assert_eq!((near.draw.count, near.mesh), (0, 1.0));
+    }
+
+    #[test]
+    fn beyond_its_view_range_a_tree_loses_points_but_not_their_size() {
+        let settings = TreelineSettings::default();
+        let view = ViewPoint { position: Vec3::ZERO, z0: 869.0, orthographic: false };
+        let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -150.0));
+        let select = |range, view| select_instance(view, &settings, &shape(), &tree, range, false);
+        let whole = select(ALWAYS, &view).draw;
+        let half = select(ViewRange::new(100.0, 200.0), &view).draw;
+        assert!(half.count.abs_diff(whole.count / 2) <= 1 && half.radius == whole.radius);
+        assert_eq!(select(ViewRange::new(100.0, 150.0), &view).draw.count, 0);
+        let parallel = ViewPoint { z0: 5.0, orthographic: true, ..view };
+        let range = ViewRange::new(0.0, 0.5);
+        assert_eq!(select(range, &parallel).draw, select(ALWAYS, &parallel).draw);
     }
 
     #[test]

@@ -116,6 +116,19 @@ impl TreelineSettings {
     }
 }
 
+/// How much of new forests is sent to the GPU in a frame, so that streaming never holds up one frame for long. A
+/// resource.
+///
+/// Forests that do not fit wait, the longest waiting first, and are not drawn until then; one a frame is always sent,
+/// however large. Without a limit every picture is complete. The first forests of an app, and changes of forests that are
+/// drawn already, are sent at once in any case.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Default)]
+pub struct UploadBudget {
+    /// Bytes a frame (a tree takes 32), `None` for no limit. Default: `None`.
+    pub bytes_per_frame: Option<usize>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

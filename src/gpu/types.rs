@@ -55,6 +55,19 @@ gpu_types! {
         pub species_seed_flags: u32,
     }
 
+    /// Up to [`SELECT_WORKGROUP`] consecutive instances of one forest that a view selects from: the work of a workgroup.
+    #[derive(PartialEq)]
+    pub struct GpuViewBlock as "ViewBlock" {
+        /// Index of the first instance.
+        pub first_instance: u32,
+        /// Instances.
+        pub count: u32,
+        /// Distance from which points thin out.
+        pub fade_begin: f32,
+        /// Distance from which none is left.
+        pub fade_end: f32,
+    }
+
     /// What selection decided for an instance.
     #[derive(PartialEq)]
     pub struct GpuInstanceDraw as "InstanceDraw" {
@@ -84,8 +97,8 @@ gpu_types! {
         pub size: [u32; 2],
         /// Its upper left corner in the target.
         pub origin: [u32; 2],
-        /// Instances in the buffer.
-        pub instance_count: u32,
+        /// Blocks of instances that the view selects from.
+        pub block_count: u32,
         /// Work items that fit.
         pub item_capacity: u32,
         /// `Z0`: pixels per world unit at distance 1 (naga_oil mangles names that end in a digit).
@@ -113,7 +126,7 @@ gpu_types! {
     /// What happened, per view and frame.
     #[derive(PartialEq)]
     pub struct GpuCounters as "Counters" {
-        /// Instances with a resident species.
+        /// Instances in the view's blocks, with a resident species.
         pub instances_seen: u32,
         /// Outside the frustum.
         pub culled_frustum: u32,

@@ -8,5 +8,6 @@ pub mod octahedral;
 pub mod point_grid;
 pub mod quantize;
 pub mod sample_elimination;
+pub mod slice_allocator;
 pub mod spherical_harmonics;
 pub mod triangle;

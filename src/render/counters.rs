@@ -1,6 +1,9 @@
 //! Counters of each view, back from the GPU a frame or more later.
 
-use super::view::{ViewTrees, Views};
+use super::{
+    cull_tiles::TileCounts,
+    view::{ViewTrees, Views},
+};
 use crate::gpu::{readback::ReadbackRing, types::GpuCounters};
 use bevy::{
     platform::collections::HashSet,
@@ -24,15 +27,20 @@ use std::{
 pub struct ViewCounters {
     /// Frames counted since the start; tells a new value from an old one.
     pub frame: u64,
-    /// Trees whose species is loaded.
+    /// Trees of the scene, in sight or not: of visible [`Forest`](crate::Forest)s that are on the GPU, and single trees
+    /// on the camera's layers, whose species is loaded.
     pub instances_seen: u32,
-    /// Of these, outside the frustum.
+    /// Forests that were skipped whole: outside the frustum, beyond their view range, or on no layer of the camera.
+    pub culled_tiles: u32,
+    /// Of the trees, in forests that were skipped whole. The others were looked at one by one.
+    pub culled_in_tiles: u32,
+    /// Of the trees, outside the frustum, though their forest is not.
     pub culled_frustum: u32,
-    /// Of these, deserving no point.
+    /// Of the trees, deserving no point.
     pub culled_small: u32,
-    /// Of these, drawn by their mesh alone.
+    /// Of the trees, drawn by their mesh alone.
     pub as_mesh: u32,
-    /// Of these, in the crossfade band.
+    /// Of the trees, in the crossfade band.
     pub in_fade: u32,
     /// Points splatted.
     pub points: u32,
@@ -44,15 +52,18 @@ pub struct ViewCounters {
     pub covered_blocks: u32,
     /// Pixels that show a point.
     pub covered_pixels: u32,
+    /// Forests that are not on the GPU yet (see [`UploadBudget`](crate::UploadBudget)), of all cameras.
+    pub waiting_forests: u32,
 }
 
 impl ViewCounters {
     /// Bytes that selection, splat and resolve read of instances, items and surfels: the traffic of the technique.
-    /// Hot halves once per point, cold halves and items once per covered pixel, instances once.
+    /// Hot halves once per point, cold halves and items once per covered pixel, instances in forests in sight once.
     pub fn bytes_read(&self) -> u64 {
         let (points, items, pixels) =
             (u64::from(self.points), u64::from(self.items), u64::from(self.covered_pixels));
-        u64::from(self.instances_seen) * 32 + items * 16 + points * 8 + pixels * (16 + 16 + 32 + 8)
+        let instances = u64::from(self.instances_seen - self.culled_in_tiles);
+        instances * 32 + items * 16 + points * 8 + pixels * (16 + 16 + 32 + 8)
     }
 }
 
@@ -83,11 +94,18 @@ impl TreelineCounters {
     }
 }
 
+/// What is known of a view's counters without the GPU.
+struct CounterTag {
+    camera: Entity,
+    frame: u64,
+    tiles: TileCounts,
+}
+
 /// Staging of the counters.
 #[derive(Resource)]
 pub(super) struct CounterReadback {
     // Systems of several views may record at one time.
-    ring: Mutex<ReadbackRing<(Entity, u64)>>,
+    ring: Mutex<ReadbackRing<CounterTag>>,
     frame: u64,
 }
 
@@ -95,7 +113,7 @@ impl FromWorld for CounterReadback {
     fn from_world(world: &mut World) -> Self {
         let counters = world.get_resource::<TreelineCounters>().cloned().unwrap_or_default();
         let overflow_reported = AtomicBool::new(false);
-        let publish = move |(camera, frame): (Entity, u64), bytes: &[u8]| {
+        let publish = move |CounterTag { camera, frame, tiles }: CounterTag, bytes: &[u8]| {
             let c: GpuCounters = bytemuck::pod_read_unaligned(bytes);
             if c.item_overflow > 0 && !overflow_reported.swap(true, Ordering::Relaxed) {
                 warn!(
@@ -109,7 +127,9 @@ impl FromWorld for CounterReadback {
                 camera,
                 ViewCounters {
                     frame,
-                    instances_seen: c.instances_seen,
+                    instances_seen: c.instances_seen + tiles.culled_trees,
+                    culled_tiles: tiles.culled_tiles,
+                    culled_in_tiles: tiles.culled_trees,
                     culled_frustum: c.culled_frustum,
                     culled_small: c.culled_small,
                     as_mesh: c.as_mesh,
@@ -119,6 +139,7 @@ impl FromWorld for CounterReadback {
                     item_overflow: c.item_overflow,
                     covered_blocks: c.covered_blocks,
                     covered_pixels: c.covered_pixels,
+                    waiting_forests: tiles.waiting,
                 },
             );
         };
@@ -138,7 +159,8 @@ pub(super) fn copy_counters(
     let (trees, main_entity) = view.into_inner();
     let Some(buffers) = views.get(trees) else { return };
     let mut ring = readback.ring.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let tag = (main_entity.id(), readback.frame);
+    let tag =
+        CounterTag { camera: main_entity.id(), frame: readback.frame, tiles: buffers.tile_counts };
     ring.copy(&device, ctx.command_encoder(), &buffers.counters, tag);
 }
 

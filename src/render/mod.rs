@@ -1,10 +1,11 @@
-//! L3: the render world. extract → residency → view → select → splat → resolve; counters flow back.
+//! L3: the render world. extract → residency → cull_tiles → view → select → splat → resolve; counters flow back.
 //!
 //! In: forests, single trees and settings of the main world. Out: lit pixels and depth in the main pass of every
-//! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: instances, plus points drawn, plus
-//! pixels covered.
+//! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: a look at each forest, plus instances
+//! of forests in sight, plus points drawn, plus pixels covered.
 
 mod counters;
+mod cull_tiles;
 mod extract;
 mod residency;
 mod resolve;

@@ -1,15 +1,19 @@
 //! Buffers and settings of each camera's view.
 
-use super::residency::InstancePool;
+use super::{
+    cull_tiles::{TileCounts, TileView, cull_tiles},
+    residency::InstancePool,
+};
 use crate::{
     forest::{SplatShape, TreelineSettings},
     gpu::types::{
-        GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuWorkItem,
-        POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
+        GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuViewBlock,
+        GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
     },
     lod::prefix_count::z0,
 };
 use bevy::{
+    camera::{primitives::Frustum, visibility::RenderLayers},
     core_pipeline::prepass::ViewPrepassTextures,
     platform::collections::HashMap,
     prelude::*,
@@ -24,6 +28,7 @@ use bevy::{
 /// GPU side of one view.
 pub(super) struct ViewBuffers {
     pub settings: Buffer,
+    pub view_blocks: Buffer,
     pub draws: Buffer,
     pub block_items: Buffer,
     pub items: Buffer,
@@ -33,10 +38,42 @@ pub(super) struct ViewBuffers {
     pub visibility: Buffer,
     pub blocks: Buffer,
     pub size: UVec2,
-    pub instance_count: u32,
+    /// Blocks of instances that the view selects from.
+    pub block_count: u32,
+    pub tile_counts: TileCounts,
+    /// What `view_blocks` begins with.
+    written_blocks: Vec<GpuViewBlock>,
+    block_capacity: u32,
     item_capacity: u32,
     used: bool,
     warned: Vec<&'static str>,
+}
+
+/// Name of a warning beside those of settings.
+const TOO_MANY_BLOCKS: &str = "blocks";
+
+impl ViewBuffers {
+    /// Makes these the blocks that the view selects from. At most `most` fit.
+    fn select_from(
+        &mut self,
+        blocks: Vec<GpuViewBlock>,
+        most: u32,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
+        self.block_count = blocks.len() as u32;
+        if self.block_count > self.block_capacity {
+            // Room for more, so that turning the camera does not make new buffers each frame.
+            self.block_capacity = self.block_count.saturating_add(self.block_count / 2).min(most);
+            [self.view_blocks, self.draws, self.block_items] =
+                block_buffers(device, self.block_capacity);
+            self.written_blocks.clear();
+        }
+        if self.written_blocks != blocks {
+            queue.write_buffer(&self.view_blocks, 0, bytemuck::cast_slice(&blocks));
+            self.written_blocks = blocks;
+        }
+    }
 }
 
 /// Buffers by view; a view that is not drawn any more gives them back.
@@ -83,14 +120,20 @@ fn pixel_buffers(device: &RenderDevice, size: UVec2) -> (Buffer, Buffer) {
     )
 }
 
-fn instance_buffers(device: &RenderDevice, count: u32) -> (Buffer, Buffer) {
-    let draws = u64::from(count) * size_of::<GpuInstanceDraw>() as u64;
-    let blocks = u64::from(count.div_ceil(SELECT_WORKGROUP)) * 4;
+/// Bytes of what selection writes for a block of instances.
+const BLOCK_DRAWS: u64 = SELECT_WORKGROUP as u64 * size_of::<GpuInstanceDraw>() as u64;
+
+/// Blocks, draws, and items of each block.
+fn block_buffers(device: &RenderDevice, blocks: u32) -> [Buffer; 3] {
+    let blocks = u64::from(blocks);
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-    (
-        buffer(device, "treeline_draws", draws, storage),
-        buffer(device, "treeline_block_items", blocks, storage),
-    )
+    let bytes = size_of::<GpuViewBlock>() as u64;
+    let written = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+    [
+        buffer(device, "treeline_view_blocks", blocks * bytes, written),
+        buffer(device, "treeline_draws", blocks * BLOCK_DRAWS, storage),
+        buffer(device, "treeline_block_items", blocks * 4, storage),
+    ]
 }
 
 fn item_buffer(device: &RenderDevice, capacity: u32) -> Buffer {
@@ -111,6 +154,8 @@ pub(super) fn prepare_views(
             &Msaa,
             Option<&TreelineSettings>,
             Option<&ViewPrepassTextures>,
+            Option<&Frustum>,
+            Option<&RenderLayers>,
         ),
         With<Camera3d>,
     >,
@@ -123,7 +168,8 @@ pub(super) fn prepare_views(
     }
     let limits = device.limits();
     let binding_limit = limits.max_storage_buffer_binding_size;
-    for (entity, view, camera, msaa, settings, prepass) in &cameras {
+    let everyone = RenderLayers::default();
+    for (entity, view, camera, msaa, settings, prepass, frustum, layers) in &cameras {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
         let has_pixels =
@@ -138,10 +184,10 @@ pub(super) fn prepare_views(
         let item_capacity = wanted.clamp(1, most);
         let buffers = views.all.entry(key).or_insert_with(|| {
             let (visibility, blocks) = pixel_buffers(&device, size);
-            let (draws, block_items) = instance_buffers(&device, instances.count);
             let counters = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
             let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
             let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+            let [view_blocks, draws, block_items] = block_buffers(&device, 0);
             ViewBuffers {
                 settings: buffer(
                     &device,
@@ -149,6 +195,7 @@ pub(super) fn prepare_views(
                     size_of::<GpuSelectSettings>() as u64,
                     uniform,
                 ),
+                view_blocks,
                 draws,
                 block_items,
                 items: item_buffer(&device, item_capacity),
@@ -162,7 +209,10 @@ pub(super) fn prepare_views(
                 visibility,
                 blocks,
                 size,
-                instance_count: instances.count,
+                block_count: 0,
+                tile_counts: default(),
+                written_blocks: vec![],
+                block_capacity: 0,
                 item_capacity,
                 used: true,
                 warned: vec![],
@@ -173,11 +223,27 @@ pub(super) fn prepare_views(
             (buffers.visibility, buffers.blocks) = pixel_buffers(&device, size);
             buffers.size = size;
         }
-        let room = buffers.draws.size() / size_of::<GpuInstanceDraw>() as u64;
-        if room < u64::from(instances.count) {
-            (buffers.draws, buffers.block_items) = instance_buffers(&device, instances.count);
+        let orthographic = view.clip_from_view.w_axis.w == 1.0;
+        let planes = frustum.map(|frustum| frustum.half_spaces.map(|plane| plane.normal_d()));
+        let tile_view = TileView {
+            planes: planes.as_ref().map_or(&[], |planes| &planes[..5]),
+            eye: view.world_from_view.translation(),
+            orthographic,
+            layers: layers.unwrap_or(&everyone),
+        };
+        let mut seen = cull_tiles(&instances, &tile_view);
+        let most_blocks = (binding_limit / BLOCK_DRAWS) as usize;
+        if seen.blocks.len() > most_blocks {
+            if !buffers.warned.contains(&TOO_MANY_BLOCKS) {
+                warn!(
+                    "a view sees more trees than this device can select from: the farthest are not drawn"
+                );
+                buffers.warned.push(TOO_MANY_BLOCKS);
+            }
+            seen.blocks.truncate(most_blocks);
         }
-        buffers.instance_count = instances.count;
+        buffers.select_from(seen.blocks, most_blocks as u32, &device, &queue);
+        buffers.tile_counts = seen.counts;
         if buffers.item_capacity != item_capacity {
             buffers.items = item_buffer(&device, item_capacity);
             buffers.item_capacity = item_capacity;
@@ -199,7 +265,7 @@ pub(super) fn prepare_views(
                 .as_ref()
                 .map_or(UVec2::ZERO, |v| v.physical_position)
                 .to_array(),
-            instance_count: instances.count,
+            block_count: buffers.block_count,
             item_capacity,
             pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),
             quality: settings.quality,
@@ -207,7 +273,7 @@ pub(super) fn prepare_views(
             fade_width: settings.fade_width,
             fade_jitter: settings.fade_jitter,
             overlap_gain: settings.overlap_gain,
-            orthographic: u32::from(view.clip_from_view.w_axis.w == 1.0),
+            orthographic: u32::from(orthographic),
             splat_shape: match settings.splat_shape {
                 SplatShape::Cells => 0,
                 SplatShape::Discs => 1,

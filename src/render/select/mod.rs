@@ -61,6 +61,7 @@ pub(super) fn init_select_pipelines(
                 settings_binding(),
                 read(),
                 read(),
+                read(),
                 write(),
                 write(),
                 write(),
@@ -130,6 +131,7 @@ pub(super) fn prepare_select_groups(
                 view.settings.as_entire_binding(),
                 surfels.species.as_entire_binding(),
                 instances.as_entire_binding(),
+                view.view_blocks.as_entire_binding(),
                 view.draws.as_entire_binding(),
                 view.block_items.as_entire_binding(),
                 view.items.as_entire_binding(),
@@ -177,7 +179,7 @@ pub(super) fn select(
         timestamp_writes: None,
     });
     let span = diagnostics.pass_span(&mut pass, "treeline_select");
-    let (x, y) = grid(buffers.instance_count.div_ceil(SELECT_WORKGROUP));
+    let (x, y) = grid(buffers.block_count);
     pass.set_bind_group(0, &groups.main, &[view_offset.offset]);
     pass.set_pipeline(cull);
     pass.dispatch_workgroups(x, y, 1);

@@ -1,0 +1,359 @@
+//! The instances of all forests and single trees in one buffer: a slice for each forest, and one for the single trees.
+//!
+//! In: forests that came, changed or went, single trees, near meshes. Out: the buffer, and a [`Tile`] for each forest: where
+//! it lies, in the buffer and in the world. Only what changed is packed and written; a larger buffer is filled by a copy
+//! on the GPU. Cost: nothing while nothing changes; else a look at each forest, and the trees of those that changed.
+
+use super::{
+    packing::{pack_forest, species_word},
+    surfels::{SpeciesSlot, SurfelPool},
+};
+use crate::{
+    gpu::types::{GpuTreeInstance, INSTANCE_HAS_MESH, SELECT_WORKGROUP},
+    lod::fade::ViewRange,
+    math::{bounding::Aabb, slice_allocator::SliceAllocator},
+    render::extract::{ExtractedForest, ExtractedTrees},
+};
+use bevy::{
+    camera::visibility::RenderLayers,
+    ecs::entity::EntityHashMap,
+    platform::collections::HashMap,
+    prelude::*,
+    render::{
+        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
+        renderer::{RenderDevice, RenderQueue},
+    },
+};
+use std::sync::Arc;
+
+/// Instances of a unit of the allocator: slices begin and end at multiples. A tile of a few trees wastes 1 KiB at most.
+const UNIT: u32 = 32;
+/// Instances of a write at most: bounds the memory that holds them meanwhile.
+const WRITE_INSTANCES: usize = 1 << 19;
+const INSTANCE_BYTES: u64 = size_of::<GpuTreeInstance>() as u64;
+/// Byte offset of the flags within an instance.
+const FLAGS_OFFSET: u64 = std::mem::offset_of!(GpuTreeInstance, species_seed_flags) as u64;
+
+const _: () = assert!(SELECT_WORKGROUP.is_multiple_of(UNIT));
+
+/// A forest that is resident.
+pub(in crate::render) struct Tile {
+    /// Index of its first instance in the buffer.
+    pub first: u32,
+    /// Instances.
+    pub count: u32,
+    /// Of these, with a resident species.
+    pub resident: u32,
+    /// Around all that it may draw, world space.
+    pub bounds: Aabb,
+    pub view_range: ViewRange,
+    pub layers: RenderLayers,
+    instances: Arc<Vec<GpuTreeInstance>>,
+    species: Vec<SpeciesSlot>,
+    packed_revision: u64,
+}
+
+/// Single trees that follow each other in the buffer and are seen by the same cameras.
+pub(in crate::render) struct ImpostorRun {
+    pub first: u32,
+    pub count: u32,
+    pub layers: RenderLayers,
+}
+
+/// The slice of the single trees.
+#[derive(Default)]
+struct ImpostorSlice {
+    first: u32,
+    room: u32,
+    written: Vec<GpuTreeInstance>,
+}
+
+/// All instances.
+#[derive(Resource, Default)]
+pub(in crate::render) struct InstancePool {
+    pub buffer: Option<Buffer>,
+    pub tiles: EntityHashMap<Tile>,
+    pub impostors: Vec<ImpostorRun>,
+    /// Trees in the buffer.
+    pub count: u32,
+    /// Forests that wait for their turn or for room.
+    pub waiting: u32,
+    slices: SliceAllocator,
+    impostor_slice: ImpostorSlice,
+    /// Words of instances of forests that have a mesh, by index in the buffer, to take the flag back.
+    flagged: HashMap<u32, u32>,
+    revision: u64,
+    surfel_generation: u64,
+    reported_limit: bool,
+}
+
+fn units(instances: usize) -> u32 {
+    instances.div_ceil(UNIT as usize).try_into().unwrap_or(u32::MAX)
+}
+
+/// Writes to the buffer, those that follow each other as one.
+struct Writer<'a> {
+    device: &'a RenderDevice,
+    queue: &'a RenderQueue,
+    first: u32,
+    data: Vec<GpuTreeInstance>,
+}
+
+impl Writer<'_> {
+    /// Goes on at `first`, on a unit.
+    fn seek(&mut self, first: u32, buffer: Option<&Buffer>) {
+        let padded = self.data.len().next_multiple_of(UNIT as usize);
+        let follows = self.first as usize + padded == first as usize;
+        if !follows || padded >= WRITE_INSTANCES {
+            self.flush(buffer);
+            self.first = first;
+        } else {
+            self.data.resize(padded, bytemuck::Zeroable::zeroed());
+        }
+    }
+
+    fn flush(&mut self, buffer: Option<&Buffer>) {
+        if let Some(buffer) = buffer.filter(|_| !self.data.is_empty()) {
+            let at = u64::from(self.first) * INSTANCE_BYTES;
+            self.queue.write_buffer(buffer, at, bytemuck::cast_slice(&self.data));
+        }
+        self.data.clear();
+    }
+}
+
+/// Brings the instance buffer up to date.
+pub(in crate::render) fn prepare_instances(
+    mut pool: ResMut<InstancePool>,
+    surfels: Res<SurfelPool>,
+    trees: Res<ExtractedTrees>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let mut writer = Writer { device: &device, queue: &queue, first: 0, data: vec![] };
+    let is_behind = pool.revision != trees.revision
+        || pool.surfel_generation != surfels.generation
+        || pool.waiting > 0;
+    if is_behind {
+        pool.update_forests(&trees, &surfels, &mut writer);
+    }
+    pool.update_impostors(&trees, &surfels, &mut writer);
+    pool.flag_near_trees(&trees, &queue);
+    pool.count = pool.impostors.iter().map(|run| run.count).sum::<u32>()
+        + pool.tiles.values().map(|tile| tile.count).sum::<u32>();
+}
+
+impl InstancePool {
+    fn update_forests(
+        &mut self,
+        trees: &ExtractedTrees,
+        surfels: &SurfelPool,
+        writer: &mut Writer,
+    ) {
+        let slots_of = |forest: &ExtractedForest| {
+            forest.species.iter().map(|handle| surfels.slot(handle.id())).collect::<Vec<_>>()
+        };
+        let species_changed = self.surfel_generation != surfels.generation;
+        let was_empty = self.tiles.is_empty();
+        let gone: Vec<Entity> = self
+            .tiles
+            .keys()
+            .filter(|entity| !trees.forests.contains_key(*entity))
+            .copied()
+            .collect();
+        for entity in gone {
+            self.remove_tile(entity);
+        }
+        // Maps have no order, and who waits must not depend on it.
+        let (mut stale, mut new) = (vec![], vec![]);
+        for (&entity, forest) in &trees.forests {
+            let Some(tile) = self.tiles.get_mut(&entity) else {
+                new.push((forest.packed_revision, entity));
+                continue;
+            };
+            tile.view_range = forest.view_range;
+            if tile.layers != forest.layers {
+                tile.layers = forest.layers.clone();
+            }
+            if tile.packed_revision != forest.packed_revision
+                || species_changed && tile.species != slots_of(forest)
+            {
+                stale.push((forest.packed_revision, entity));
+            }
+        }
+        stale.sort_unstable();
+        new.sort_unstable();
+        let bytes_of =
+            |entity: &Entity| trees.forests[entity].instances.len() * INSTANCE_BYTES as usize;
+        let budget = trees.upload_budget.bytes_per_frame.filter(|_| !was_empty);
+        let mut bytes: usize = stale.iter().map(|(_, entity)| bytes_of(entity)).sum();
+        // One always fits: a forest larger than the budget arrives, too.
+        let in_time = new.iter().enumerate().take_while(|(i, (_, entity))| {
+            bytes += bytes_of(entity);
+            *i == 0 || budget.is_none_or(|budget| bytes <= budget)
+        });
+        let in_time = in_time.count();
+        self.waiting = (new.len() - in_time) as u32;
+        let write: Vec<Entity> = stale.iter().chain(&new[..in_time]).map(|(_, e)| *e).collect();
+
+        // First give back, so that the slices can be used again.
+        for entity in &write {
+            self.remove_tile(*entity);
+        }
+        let units_of = |entity: &Entity| units(trees.forests[entity].instances.len());
+        let mut to_come: u32 = write.iter().map(units_of).fold(0, u32::saturating_add);
+        for entity in write {
+            let forest = &trees.forests[&entity];
+            let Some(first) = self.place(units_of(&entity), to_come, writer) else {
+                self.waiting += 1;
+                continue;
+            };
+            to_come = to_come.saturating_sub(units_of(&entity));
+            writer.seek(first, self.buffer.as_ref());
+            let species = slots_of(forest);
+            let packed =
+                pack_forest(&forest.instances, &forest.transform, &species, &mut writer.data);
+            let tile = Tile {
+                first,
+                count: forest.instances.len() as u32,
+                resident: packed.resident,
+                bounds: packed.bounds,
+                view_range: forest.view_range,
+                layers: forest.layers.clone(),
+                instances: forest.instances.clone(),
+                species,
+                packed_revision: forest.packed_revision,
+            };
+            self.tiles.insert(entity, tile);
+        }
+        writer.flush(self.buffer.as_ref());
+        self.revision = trees.revision;
+        self.surfel_generation = surfels.generation;
+    }
+
+    fn remove_tile(&mut self, entity: Entity) {
+        let Some(tile) = self.tiles.remove(&entity) else { return };
+        let units = units(tile.count as usize);
+        self.slices.release(tile.first / UNIT, units);
+        let end = tile.first + units * UNIT;
+        self.flagged.retain(|index, _| !(tile.first..end).contains(index));
+    }
+
+    /// Index of the first instance of a new slice. The buffer grows where it must, to have room for `to_come` units at
+    /// once; `None` where the device does not allow it.
+    fn place(&mut self, units: u32, to_come: u32, writer: &mut Writer) -> Option<u32> {
+        if let Some(begin) = self.slices.allocate(units) {
+            return Some(begin * UNIT);
+        }
+        let limits = writer.device.limits();
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most = (limit / INSTANCE_BYTES).min(u32::MAX.into()) as u32 / UNIT;
+        let now = self.slices.capacity();
+        let wanted = now.saturating_add(to_come.max(units).max(now / 2)).min(most);
+        if wanted > now {
+            writer.flush(self.buffer.as_ref());
+            self.grow(wanted, writer);
+        }
+        let begin = self.slices.allocate(units);
+        if begin.is_none() && !self.reported_limit {
+            error!(
+                "some forests are not drawn: this device allows {limit} bytes of trees in one buffer, which is {} trees",
+                u64::from(most) * u64::from(UNIT)
+            );
+            self.reported_limit = true;
+        }
+        begin.map(|begin| begin * UNIT)
+    }
+
+    fn grow(&mut self, units: u32, writer: &Writer) {
+        let buffer = writer.device.create_buffer(&BufferDescriptor {
+            label: Some("treeline_instances"),
+            size: u64::from(units) * u64::from(UNIT) * INSTANCE_BYTES,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        if let Some(old) = &self.buffer {
+            let label = Some("treeline_grow_instances");
+            let mut encoder =
+                writer.device.create_command_encoder(&CommandEncoderDescriptor { label });
+            encoder.copy_buffer_to_buffer(old, 0, &buffer, 0, old.size());
+            // At once: what is written to the new buffer from here on has to come later.
+            writer.queue.submit([encoder.finish()]);
+        }
+        self.buffer = Some(buffer);
+        self.slices.grow(units);
+    }
+
+    /// Writes the single trees if any of them changed.
+    fn update_impostors(
+        &mut self,
+        trees: &ExtractedTrees,
+        surfels: &SurfelPool,
+        writer: &mut Writer,
+    ) {
+        self.impostors.clear();
+        let mut packed: Vec<GpuTreeInstance> = vec![];
+        for impostor in &trees.impostors {
+            let mut tree = impostor.instance.pack();
+            // Of one species, which the instance calls 0.
+            tree.species_seed_flags = species_word(&tree, &[surfels.slot(impostor.species)]);
+            packed.push(tree);
+        }
+        for near in &trees.near {
+            if let Ok(i) = trees.impostors.binary_search_by_key(&near.owner, |i| i.entity) {
+                packed[i].species_seed_flags |= INSTANCE_HAS_MESH;
+            }
+        }
+        let slice = &mut self.impostor_slice;
+        if packed.len() > slice.room as usize {
+            self.slices.release(slice.first / UNIT, slice.room / UNIT);
+            *slice = ImpostorSlice::default();
+            // Room for more, so that spawning one does not move all each time.
+            let room = units(packed.len()).next_power_of_two();
+            let Some(first) = self.place(room, room, writer) else { return };
+            self.impostor_slice = ImpostorSlice { first, room: room * UNIT, written: vec![] };
+        }
+        let slice = &mut self.impostor_slice;
+        for (i, impostor) in trees.impostors.iter().enumerate() {
+            match self.impostors.last_mut() {
+                Some(run) if run.layers == impostor.layers => run.count += 1,
+                _ => self.impostors.push(ImpostorRun {
+                    first: slice.first + i as u32,
+                    count: 1,
+                    layers: impostor.layers.clone(),
+                }),
+            }
+        }
+        if slice.written != packed
+            && let Some(buffer) = &self.buffer
+        {
+            let at = u64::from(slice.first) * INSTANCE_BYTES;
+            writer.queue.write_buffer(buffer, at, bytemuck::cast_slice(&packed));
+            slice.written = packed;
+        }
+    }
+
+    /// Writes the mesh flag of the trees of forests where it changed: a few words a frame.
+    fn flag_near_trees(&mut self, trees: &ExtractedTrees, queue: &RenderQueue) {
+        let Some(buffer) = &self.buffer else { return };
+        let write = |index: u32, word: u32| {
+            let at = u64::from(index) * INSTANCE_BYTES + FLAGS_OFFSET;
+            queue.write_buffer(buffer, at, &word.to_le_bytes());
+        };
+        let mut now: HashMap<u32, u32> = default();
+        for near in &trees.near {
+            let Some(tile) = self.tiles.get(&near.owner) else { continue };
+            let Some(packed) = tile.instances.get(near.index as usize) else { continue };
+            let (index, word) = (tile.first + near.index, species_word(packed, &tile.species));
+            if self.flagged.get(&index) != Some(&word) {
+                write(index, word | INSTANCE_HAS_MESH);
+            }
+            now.insert(index, word);
+        }
+        for (index, word) in &self.flagged {
+            if !now.contains_key(index) {
+                write(*index, *word);
+            }
+        }
+        self.flagged = now;
+    }
+}

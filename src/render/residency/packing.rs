@@ -1,0 +1,112 @@
+//! The trees of a forest in the form that selection reads: world space, species by their index on the GPU.
+//!
+//! In: a forest, its species; out: packed instances and the box around all that they may draw. O(trees).
+
+use super::surfels::SpeciesSlot;
+use crate::{
+    forest::TreeInstance,
+    gpu::types::{GpuTreeInstance, SPECIES_NOT_RESIDENT},
+    math::bounding::Aabb,
+};
+use bevy::math::{Affine3A, Mat3A, Vec3};
+
+/// The part of `species_seed_flags` that is the same wherever a tree is resident.
+const SEED: u32 = 0x00ff_0000;
+
+/// What packing found out about a forest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Packed {
+    /// Around every point of every tree, world space. Trees at no finite place do not count; they are not drawn if the
+    /// others are out of sight.
+    pub bounds: Aabb,
+    /// Trees whose species is resident.
+    pub resident: u32,
+}
+
+/// The words of an instance that name its species: no flags.
+pub(super) fn species_word(packed: &GpuTreeInstance, species: &[SpeciesSlot]) -> u32 {
+    packed.species_seed_flags & SEED | slot_of(packed, species).index
+}
+
+fn slot_of(packed: &GpuTreeInstance, species: &[SpeciesSlot]) -> SpeciesSlot {
+    let local = (packed.species_seed_flags & 0xffff) as usize;
+    species.get(local).copied().unwrap_or(SpeciesSlot::NOT_RESIDENT)
+}
+
+/// Appends the trees of a forest to `out`.
+pub(super) fn pack_forest(
+    instances: &[GpuTreeInstance],
+    world_from_forest: &Affine3A,
+    species: &[SpeciesSlot],
+    out: &mut Vec<GpuTreeInstance>,
+) -> Packed {
+    let mut found = Packed::default();
+    // Tiles are moved and seldom turned.
+    let is_moved_only = world_from_forest.matrix3 == Mat3A::IDENTITY;
+    let by = Vec3::from(world_from_forest.translation);
+    out.extend(instances.iter().map(|packed| {
+        let mut tree = *packed;
+        if !is_moved_only {
+            tree = TreeInstance::unpack(packed).in_world(world_from_forest).pack();
+        } else if by != Vec3::ZERO {
+            tree.position = (Vec3::from(packed.position) + by).to_array();
+        }
+        let slot = slot_of(packed, species);
+        tree.species_seed_flags = species_word(packed, species);
+        if slot.index != SPECIES_NOT_RESIDENT {
+            found.resident += 1;
+            let (position, reach) = (Vec3::from(tree.position), slot.reach * tree.scale);
+            if position.is_finite() && reach.is_finite() {
+                let reach = Vec3::splat(reach.abs());
+                found.bounds = found.bounds.including(position - reach).including(position + reach);
+            }
+        }
+        tree
+    }));
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::math::Quat;
+
+    fn trees() -> Vec<GpuTreeInstance> {
+        let at = |x, scale, species| {
+            TreeInstance { scale, seed: 9, ..TreeInstance::at(Vec3::new(x, 1.0, 2.0)) }
+                .with_species(species)
+                .pack()
+        };
+        vec![at(0.0, 1.0, 0), at(10.0, 2.0, 1), at(500.0, 1.0, 2), at(f32::NAN, 1.0, 0)]
+    }
+
+    const SPECIES: fn() -> Vec<SpeciesSlot> =
+        || vec![SpeciesSlot::for_test(7, 3.0), SpeciesSlot::for_test(4, 5.0)];
+
+    #[test]
+    fn bounds_hold_every_tree_that_is_drawn() {
+        let mut out = vec![];
+        let moved = Affine3A::from_translation(Vec3::X * 100.0);
+        let packed = pack_forest(&trees(), &moved, &SPECIES(), &mut out);
+        let bounds = Aabb { min: Vec3::new(97.0, -9.0, -8.0), max: Vec3::new(120.0, 11.0, 12.0) };
+        assert_eq!((packed.bounds, packed.resident), (bounds, 3));
+        let species: Vec<u32> = out.iter().map(|tree| tree.species_seed_flags).collect();
+        assert_eq!(species, [7, 4, 0xffff, 7].map(|species| species | 9 << 16));
+        assert_eq!(out[1].position, [110.0, 1.0, 2.0]);
+    }
+
+    #[test]
+    fn a_move_alone_is_packed_as_any_transform_is() {
+        let by = Vec3::new(5.0, -3.0, 70.0);
+        let (mut quick, mut slow) = (vec![], vec![]);
+        let trees = &trees()[..3];
+        pack_forest(trees, &Affine3A::from_translation(by), &SPECIES(), &mut quick);
+        let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(1e-6), by);
+        pack_forest(trees, &turned, &SPECIES(), &mut slow);
+        for (a, b) in quick.iter().zip(&slow) {
+            let (a, b) = (TreeInstance::unpack(a), TreeInstance::unpack(b));
+            assert!(a.position.distance(b.position) < 1e-3 && a.species == b.species);
+            assert!(a.rotation.angle_between(b.rotation) < 1e-3 && a.scale == b.scale);
+        }
+    }
+}
