@@ -65,6 +65,9 @@ struct SelectSettings {
     orthographic: u32,
     splat_shape: u32,
     has_prepass: u32,
+    culling_frozen: u32,
+    culling_planes: mat4x4<f32>,
+    culling_eye: vec3<f32>,
     pad: u32,
 }
 

@@ -12,6 +12,15 @@
 var<workgroup> group_items: atomic<u32>;
 
 fn outside_frustum(center: vec3<f32>, radius: f32) -> bool {
+    if settings.culling_frozen != 0u {
+        for (var i = 0u; i < 4u; i++) {
+            let plane = settings.culling_planes[i];
+            if dot(plane.xyz, center) + plane.w < -radius {
+                return true;
+            }
+        }
+        return false;
+    }
     // Plane 5 is the far plane, which bounds nothing: the projection is infinite.
     for (var i = 0u; i < 5u; i++) {
         if dot(view.frustum[i].xyz, center) + view.frustum[i].w < -radius {
@@ -36,7 +45,8 @@ fn select_instance(block: ViewBlock, lane: u32) -> InstanceDraw {
         return nothing;
     }
     // An orthographic view has the same scale everywhere: distance 1, where Z0 holds. It draws points only.
-    let d = select(distance(center, view.world_position), 1.0, settings.orthographic != 0u);
+    let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
+    let d = select(distance(center, eye), 1.0, settings.orthographic != 0u);
     let s = kind.pixel * instance.scale;
     let n0 = f32(kind.point_count);
     let n = prefix_count(n0, s, settings.pixels_per_unit, d, settings.quality);

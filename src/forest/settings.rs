@@ -40,6 +40,25 @@ pub enum DebugView {
     Albedo,
 }
 
+/// A view that decides what another camera draws.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+pub struct CullingView {
+    /// Its projection and place: what lies outside is not drawn.
+    pub clip_from_world: Mat4,
+    /// Its eye, world space: distances, and so the numbers of points, are measured from here.
+    pub eye: Vec3,
+}
+
+impl CullingView {
+    /// That of a camera as it is now.
+    pub fn of(camera: &Camera, transform: &GlobalTransform) -> Self {
+        Self {
+            clip_from_world: camera.clip_from_view() * transform.to_matrix().inverse(),
+            eye: transform.translation(),
+        }
+    }
+}
+
 /// Which kernels draw the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 pub enum SplatPath {
@@ -73,6 +92,9 @@ pub struct TreelineSettings {
     pub splat_shape: SplatShape,
     /// What to show instead of lit points. Default: off, which costs nothing.
     pub debug_view: DebugView,
+    /// Another view that decides which trees are drawn and with how many points, to look at culling from outside. Near
+    /// meshes stay where the camera is. Default: none.
+    pub culling_view: Option<CullingView>,
     /// Points per frame at most, in millions; 64 points are a work item, and items that do not fit are counted and
     /// reported. 16 bytes of GPU memory for each 64 points. Default: 32.
     pub point_capacity_millions: f32,
@@ -89,6 +111,7 @@ impl Default for TreelineSettings {
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
             debug_view: DebugView::Off,
+            culling_view: None,
             point_capacity_millions: 32.0,
         }
     }

@@ -119,6 +119,12 @@ gpu_types! {
         pub splat_shape: u32,
         /// 1 if the depth prepass of this view may be read.
         pub has_prepass: u32,
+        /// 1 if another view decides what is drawn: the planes and the eye below.
+        pub culling_frozen: u32,
+        /// Side planes of that view (normal, distance), looking inwards.
+        pub culling_planes: [[f32; 4]; 4],
+        /// Its eye.
+        pub culling_eye: [f32; 3],
         /// Zero.
         pub pad: u32,
     }

@@ -15,6 +15,7 @@ use crate::{
 use bevy::{
     camera::{primitives::Frustum, visibility::RenderLayers},
     core_pipeline::prepass::ViewPrepassTextures,
+    math::primitives::ViewFrustum,
     platform::collections::HashMap,
     prelude::*,
     render::{
@@ -224,10 +225,18 @@ pub(super) fn prepare_views(
             buffers.size = size;
         }
         let orthographic = view.clip_from_view.w_axis.w == 1.0;
-        let planes = frustum.map(|frustum| frustum.half_spaces.map(|plane| plane.normal_d()));
+        let frozen = settings.culling_view;
+        let frozen_frustum =
+            frozen.map(|frozen| ViewFrustum::from_clip_from_world(&frozen.clip_from_world));
+        let half_spaces = match (frozen_frustum, frustum) {
+            (Some(frozen), _) => Some(frozen.half_spaces),
+            (None, Some(frustum)) => Some(frustum.half_spaces),
+            (None, None) => None,
+        };
+        let planes = half_spaces.map(|planes| planes.map(|plane| plane.normal_d()));
         let tile_view = TileView {
             planes: planes.as_ref().map_or(&[], |planes| &planes[..5]),
-            eye: view.world_from_view.translation(),
+            eye: frozen.map_or(view.world_from_view.translation(), |frozen| frozen.eye),
             orthographic,
             layers: layers.unwrap_or(&everyone),
         };
@@ -280,6 +289,10 @@ pub(super) fn prepare_views(
                 SplatShape::Squares => 2,
             },
             has_prepass: u32::from(has_prepass),
+            culling_frozen: u32::from(frozen.is_some()),
+            culling_planes: planes
+                .map_or([[0.0; 4]; 4], |planes| [0, 1, 2, 3].map(|side| planes[side].to_array())),
+            culling_eye: tile_view.eye.to_array(),
             pad: 0,
         };
         queue.write_buffer(&buffers.settings, 0, bytemuck::bytes_of(&data));
