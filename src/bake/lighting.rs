@@ -359,7 +359,8 @@ mod tests {
 
     #[test]
     fn the_unit_of_length_changes_nothing() {
-        let (metres, centimetres) = (light(&ball(2000, 0.06, 1.0)), light(&ball(2000, 0.06, 100.0)));
+        let (metres, centimetres) =
+            (light(&ball(2000, 0.06, 1.0)), light(&ball(2000, 0.06, 100.0)));
         for i in 0..50 {
             let at = Vec3::new((i as f32).sin(), (i as f32 * 1.7).cos(), 0.1) * 0.9;
             let (a, b) = (

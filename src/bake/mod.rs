@@ -33,6 +33,9 @@ pub use assemble::{BakeContext, BakeError, BakeStage, Baked, bake_file, bake_mod
 pub use entities::{EntityModelError, model_of_entities};
 pub(crate) use job::BakePlugin;
 pub use job::{BakeFailed, BakeProgress, BakeTasks, TreeBaker};
-pub use loader::{LoadTreeError, NearMeshLoader, NearMeshLoaderSettings, TreeLoader, TreeLoaderSettings, TreeSaver};
+pub use loader::{
+    LoadTreeError, NearMeshLoader, NearMeshLoaderSettings, TreeLoader, TreeLoaderSettings,
+    TreeSaver,
+};
 pub use near::{NearMeshSource, near_mesh_sources};
 pub use settings::{BakeSettings, OrderMethod, PeelBackend, SettingsError};

@@ -1,7 +1,9 @@
 //! A source model as Bevy meshes and materials: what is drawn near the camera.
 
 use super::lighting::LightVolume;
-use super::source::{SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceWrap};
+use super::source::{
+    SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceWrap,
+};
 use crate::{
     asset::{NearMesh, NearMeshPiece, light_factor},
     math::bounding::Aabb,
