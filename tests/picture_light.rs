@@ -102,6 +102,40 @@ fn a_tint_changes_the_colour_and_nothing_else() {
     assert_eq!(coverage(&plain), coverage(&tinted));
 }
 
+/// Both have the same ambient visibility, points in their surfels and meshes in their vertex colours.
+#[test]
+fn points_are_as_bright_as_the_mesh() {
+    for name in ["broadleaf", "birch", "conifer"] {
+        let sun = Vec3::new(-0.5, -0.7, -0.5);
+        let Some((mut stage, tree)) = planted("as_bright_as_the_mesh", sun, false) else { return };
+        let asset = stage.tree(name, false);
+        stage.world().get_mut::<TreeImpostor>(tree).expect("it is there").tree = asset;
+        let middle = baked(name).data.bounds.center();
+        let parts = stage.near_mesh(name).parts;
+        let parts: Vec<Entity> = parts
+            .into_iter()
+            .map(|part| {
+                let drawn = (Mesh3d(part.mesh), MeshMaterial3d(part.material));
+                let place = Transform::from_translation(middle);
+                stage.world().spawn((drawn, place, Visibility::Hidden)).id()
+            })
+            .collect();
+        let (_, image) = stage.view(SIZE * 2, before(name, 20.0));
+        let brightness = |picture: &image::RgbaImage| mean_color(picture).element_sum();
+        let points = brightness(&stage.shoot(&image, 3));
+        let world = stage.world();
+        world.entity_mut(tree).insert(Visibility::Hidden);
+        parts.iter().for_each(|part| {
+            world.entity_mut(*part).insert(Visibility::Visible);
+        });
+        let mesh = brightness(&stage.shoot(&image, 3));
+        let error = points / mesh - 1.0;
+        println!("{name}: points {:.1} % brighter than the mesh", error * 100.0);
+        assert!(error.abs() < 0.04, "{name}: {error}");
+        assert!(baked(name).data.is_shaded());
+    }
+}
+
 #[test]
 fn points_cover_what_the_mesh_covers() {
     let sun = Vec3::new(-0.5, -0.7, -0.5);

@@ -8,7 +8,7 @@ use bevy::{
     core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass, NormalPrepass},
     prelude::*,
 };
-use bevy_treeline::{SplatPath, TreeImpostor};
+use bevy_treeline::{DebugView, SplatPath, TreeImpostor, TreelineSettings};
 use common::{Stage, before, coverage};
 
 const SIZE: UVec2 = UVec2::new(48, 36);
@@ -25,7 +25,7 @@ fn compute_pipelines(path: SplatPath) -> usize {
 type Kind = (&'static str, fn(&mut EntityWorldMut));
 
 /// Each has a resolve pipeline of its own.
-const KINDS: [Kind; 10] = [
+const KINDS: [Kind; 12] = [
     ("LDR", |_| ()),
     ("HDR", |camera| {
         camera.insert(Hdr);
@@ -50,6 +50,14 @@ const KINDS: [Kind; 10] = [
     }),
     ("fog", |camera| {
         camera.insert(DistanceFog::default());
+    }),
+    ("fog that glows", |camera| {
+        let falloff = FogFalloff::ExponentialSquared { density: 0.01 };
+        camera.insert(DistanceFog { directional_light_color: Color::WHITE, falloff, ..default() });
+    }),
+    ("a debug view", |camera| {
+        let debug_view = DebugView::FadeBand;
+        camera.insert(TreelineSettings { debug_view, ..default() });
     }),
     ("orthographic", |camera| {
         let scaling_mode = ScalingMode::FixedVertical { viewport_height: 16.0 };

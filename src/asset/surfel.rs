@@ -63,13 +63,16 @@ gpu_types! {
 /// What [`Surfel::ambient_visibility`] (here 0 to 1) does to the colour of a surface: a factor of the albedo, 0 to 1.
 ///
 /// One factor for light of the sky and of lamps, because a near mesh has it in its vertex colours, which know no
-/// difference. Light that leaves let through and pass on is not in the visibility: it is why shade has a floor.
+/// difference. Leaves pass light on, which the visibility knows nothing of: shade has a floor, and the outer leaves of
+/// a crown, which have leaves behind them, get all light. The two numbers were chosen by looking.
 pub fn light_factor(ambient_visibility: f32) -> f32 {
-    LIGHT_FLOOR + (1.0 - LIGHT_FLOOR) * ambient_visibility.sqrt()
+    (LIGHT_FLOOR + LIGHT_GAIN * ambient_visibility).min(1.0)
 }
 
 /// [`light_factor`] where no light of the sky arrives.
-const LIGHT_FLOOR: f32 = 0.12;
+const LIGHT_FLOOR: f32 = 0.08;
+/// Growth of [`light_factor`] with visibility.
+const LIGHT_GAIN: f32 = 1.2;
 
 impl SurfelCold {
     /// Share of the sky that reaches the point, 0 to 255 (255 = open).
