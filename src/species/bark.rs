@@ -44,9 +44,7 @@ fn rings(stem: &Stem) -> Vec<(Vec3, f32)> {
             .iter()
             .map(|heights| heights * flare_height(stem) / reach)
             .filter(|share| *share < 0.9)
-            .map(|share| {
-                (first.0.lerp(second.0, share), first.1 + (second.1 - first.1) * share)
-            })
+            .map(|share| (first.0.lerp(second.0, share), first.1 + (second.1 - first.1) * share))
             .collect();
         rings.splice(1..1, between);
     }
@@ -93,7 +91,7 @@ fn push_tube(
         }
         let ring = part.positions.len() as u32;
         let gnarl = if radius > 1.5 * TWIG_RADIUS_M { shape.gnarl } else { 0.0 };
-        let flare = stem.flare * (-center.y / flare_height(stem)).exp();
+        let flare = stem.flare * (-center.y.max(0.0) / flare_height(stem)).exp();
         let mut marked = false;
         for side in 0..sides {
             let azimuth = TAU * side as f32 / sides as f32;

@@ -13,7 +13,12 @@ const DISC_CORNERS: u32 = 6;
 
 /// A part for blossoms of a plant.
 pub(super) fn empty_part() -> PlainPart {
-    PlainPart { name: "blossoms".into(), double_sided: true, roughness: 0.8, ..PlainPart::default() }
+    PlainPart {
+        name: "blossoms".into(),
+        double_sided: true,
+        roughness: 0.8,
+        ..PlainPart::default()
+    }
 }
 
 /// The petals' colour of one plant.

@@ -265,7 +265,11 @@ fn push_stalk(
             let radius = stalks.radius_m * (1.0 - 0.4 * u);
             let normal = (radial + Vec3::Y * 0.4).normalize_or(radial);
             let position = at(u) + radial * radius;
-            part.push_vertex(position.with_y(if ring == 0 { 0.0 } else { position.y }), normal, color);
+            part.push_vertex(
+                position.with_y(if ring == 0 { 0.0 } else { position.y }),
+                normal,
+                color,
+            );
         }
         if let Some(before) = previous {
             for side in 0..STALK_SIDES {

@@ -51,7 +51,9 @@ pub struct Species {
 #[non_exhaustive]
 pub enum SpeciesError {
     /// No preset of that name.
-    #[error("there is no species `{name}`; known are {known} (or write a RON file like those in assets/species)")]
+    #[error(
+        "there is no species `{name}`; known are {known} (or write a RON file like those in assets/species)"
+    )]
     Unknown {
         /// Asked for.
         name: String,
@@ -116,8 +118,20 @@ macro_rules! embed {
 }
 
 embed!(
-    "oak", "birch", "aspen", "willow", "maple", "spruce", "fir", "scots_pine", "poplar",
-    "dead_tree", "shrub", "fern", "grass_tuft", "flower",
+    "oak",
+    "birch",
+    "aspen",
+    "willow",
+    "maple",
+    "spruce",
+    "fir",
+    "scots_pine",
+    "poplar",
+    "dead_tree",
+    "shrub",
+    "fern",
+    "grass_tuft",
+    "flower",
 );
 
 /// Names of the species that ship with the crate: trees first, then shrub and ground cover.
@@ -130,9 +144,10 @@ pub fn species_names() -> &'static [&'static str] {
 /// # Errors
 /// [`SpeciesError::Unknown`], with a list of what is known.
 pub fn preset(name: &str) -> Result<Species, SpeciesError> {
-    let index = NAMES.iter().position(|known| *known == name).ok_or_else(|| {
-        SpeciesError::Unknown { name: name.to_owned(), known: NAMES.join(", ") }
-    })?;
+    let index = NAMES
+        .iter()
+        .position(|known| *known == name)
+        .ok_or_else(|| SpeciesError::Unknown { name: name.to_owned(), known: NAMES.join(", ") })?;
     Species::from_ron(PRESETS[index], &format!("assets/species/{name}.ron"))
 }
 

@@ -8,12 +8,38 @@ use super::skeleton::{GOLDEN_ANGLE, Stem, StemPoint, springing_direction};
 use crate::math::hash::SplitMix64;
 use bevy::math::Vec3;
 
-/// Corners of a leaf after its base, on the left half and its tip: shares of the half width (across) and of the length.
-/// Triangles fan out from the base. The widest place of the shape replaces `WIDEST`.
-const WIDEST: f32 = -1.0;
-const KITE: &[[f32; 2]] = &[[1.0, WIDEST], [0.0, 1.0]];
-const LOBED: &[[f32; 2]] = &[[1.0, WIDEST], [0.42, 0.60], [0.0, 1.0]];
-const SPRAY: &[[f32; 2]] = &[[1.0, WIDEST], [0.36, 0.52], [0.0, 1.0]];
+/// Triangles of a leaf in its own plane.
+struct Outline {
+    /// Shares of the half width (across, left is positive) and of the length, where 0.5 stands for the widest place. The
+    /// first is the foot, which the leaves of a place share.
+    corners: &'static [[f32; 2]],
+    triangles: &'static [[usize; 3]],
+}
+
+const KITE: Outline = Outline {
+    corners: &[[0.0, 0.0], [1.0, 0.5], [0.0, 1.0], [-1.0, 0.5]],
+    triangles: &[[0, 1, 2], [0, 2, 3]],
+};
+const OVAL: Outline = Outline {
+    corners: &[[0.0, 0.0], [0.92, 0.34], [0.74, 0.78], [0.0, 1.0], [-0.74, 0.78], [-0.92, 0.34]],
+    triangles: &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]],
+};
+const LOBED: Outline = Outline {
+    corners: &[[0.0, 0.0], [1.0, 0.5], [0.46, 0.62], [0.0, 1.0], [-0.46, 0.62], [-1.0, 0.5]],
+    triangles: &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]],
+};
+/// Side twigs stand off an axis, shorter and shorter, each as one triangle.
+#[rustfmt::skip] // a twig a line
+const SPRAY: Outline = Outline {
+    corners: &[
+        [0.0, 0.0], [0.0, 0.24], [0.0, 0.48], [0.0, 0.70], [0.0, 1.0],
+        [1.0, 0.44], [-1.0, 0.44],
+        [0.84, 0.66], [-0.84, 0.66],
+        [0.56, 0.86], [-0.56, 0.86],
+        [0.09, 0.64], [-0.09, 0.64],
+    ],
+    triangles: &[[0, 5, 1], [0, 1, 6], [1, 7, 2], [1, 2, 8], [2, 9, 3], [2, 3, 10], [11, 4, 12]],
+};
 
 /// All leaves of a tree.
 pub(super) fn leaves_part(
@@ -62,12 +88,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    pub(super) fn new(
-        shape: &LeafShape,
-        stem: &Stem,
-        at: StemPoint,
-        envelope: &Envelope,
-    ) -> Self {
+    pub(super) fn new(shape: &LeafShape, stem: &Stem, at: StemPoint, envelope: &Envelope) -> Self {
         let depth = envelope.depth(at.position).clamp(0.0, 1.0);
         let height = envelope.height_share(at.position.y);
         // Clumps are rounder than the crown: away from a point inside the clump, its lower side in shade.
@@ -165,30 +186,33 @@ impl Leaf {
 
     /// Folded along its middle, from the shared `base` vertex.
     fn push(&self, part: &mut PlainPart, shape: &LeafShape, place: &Place, base: u32) {
-        let corners = match shape.form {
+        let outline = match shape.form {
             LeafForm::Kite => KITE,
+            LeafForm::Oval => OVAL,
             LeafForm::Lobed => LOBED,
             LeafForm::Spray => SPRAY,
         };
         let face = self.across.cross(self.direction);
         let (sin, cos) = shape.fold_deg.to_radians().sin_cos();
-        let mut push = |side: f32, [across, along]: [f32; 2]| {
-            let along = if along == WIDEST { shape.widest } else { along };
-            let wing = (self.across * (side * cos) + face * sin) * (self.half_width * across);
-            let position = place.at.position + self.direction * (self.length * along) + wing;
-            let tilt = side * across.min(1.0).ceil();
-            let flat = (face * cos - self.across * (tilt * sin)) * (1.0 - shape.bend);
+        let first = part.positions.len() as u32;
+        for [across, along] in &outline.corners[1..] {
+            let place_along = if *along < 0.5 {
+                2.0 * along * shape.widest
+            } else {
+                shape.widest + (2.0 * along - 1.0) * (1.0 - shape.widest)
+            };
+            let side = if *across == 0.0 { 0.0 } else { across.signum() };
+            let wing = (self.across * (side * cos) + face * sin) * (self.half_width * across.abs());
+            let position = place.at.position + self.direction * (self.length * place_along) + wing;
+            let flat = (face * cos - self.across * (side * sin)) * (1.0 - shape.bend);
             let normal = (flat + place.outward * shape.bend).normalize_or(place.outward);
-            let tone = 0.97 + 0.03 * side + 0.14 * (1.0 - across) * along;
-            part.push_vertex(position, normal, self.color * tone)
-        };
-        let half = corners.len() - 1;
-        let left: Vec<u32> = corners[..half].iter().map(|corner| push(1.0, *corner)).collect();
-        let tip = push(0.0, corners[half]);
-        let right = corners[..half].iter().rev().map(|corner| push(-1.0, *corner));
-        let outline: Vec<u32> = left.into_iter().chain([tip]).chain(right).collect();
-        for pair in outline.windows(2) {
-            part.push_facing([base, pair[0], pair[1]]);
+            // The middle and the tip are lighter, one half a little darker.
+            let tone = 0.97 + 0.03 * side + 0.14 * (1.0 - across.abs()) * along;
+            part.push_vertex(position, normal, self.color * tone);
+        }
+        let vertex = |corner: usize| if corner == 0 { base } else { first + corner as u32 - 1 };
+        for triangle in outline.triangles {
+            part.push_facing(triangle.map(vertex));
         }
     }
 }

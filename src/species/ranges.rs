@@ -49,12 +49,19 @@ impl Number for u32 {
     }
 }
 
+/// The number with the fewest digits that reads back as `value`.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
 impl Walk {
     fn number<N: Number>(&mut self, name: &str, value: &mut N, low: f32, high: f32) {
-        let (low, high, given) = (f64::from(low), f64::from(high), value.to_f64());
-        if (low..=high).contains(&given) {
+        let given = value.to_f64();
+        if (f64::from(low)..=f64::from(high)).contains(&given) {
             return;
         }
+        // As people write them: 0.2, not 0.20000000298.
+        let [low, high] = [low, high].map(shortest);
         match &mut self.mode {
             Mode::Clamp => {
                 let inside = if given.is_nan() { low } else { given.clamp(low, high) };
@@ -62,7 +69,8 @@ impl Walk {
             }
             Mode::Check(found) => {
                 let field = format!("{}{name}", self.path);
-                found.get_or_insert(OutOfRange { field, value: given, low, high });
+                let value = shortest(given as f32);
+                found.get_or_insert(OutOfRange { field, value, low, high });
             }
         }
     }
@@ -106,7 +114,7 @@ impl Walk {
 
 /// A shape that knows the ranges of its numbers.
 pub(super) trait Ranged: Clone {
-        /// Visits every number.
+    /// Visits every number.
     fn walk(&mut self, walk: &mut Walk);
 
     /// This shape with every value inside its range; NaN becomes the lower end.

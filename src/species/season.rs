@@ -38,7 +38,9 @@ impl<'a> Season<'a> {
 
     /// The colour of a leaf that is `summer` in summer.
     pub(super) fn color(&self, summer: Vec3, time: LeafTime) -> Vec3 {
-        let Some(shape) = self.shape.filter(|shape| !shape.colors.is_empty()) else { return summer };
+        let Some(shape) = self.shape.filter(|shape| !shape.colors.is_empty()) else {
+            return summer;
+        };
         let pick = (0.45 * time.clump + 0.3 * time.own + 0.25 * time.light).clamp(0.0, 1.0);
         // Sums of uniform numbers crowd in the middle; spread to the ends.
         let pick = ((pick - 0.5) * 1.5 + 0.5).clamp(0.0, 1.0);

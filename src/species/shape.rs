@@ -120,9 +120,11 @@ pub struct BarkShape {
 pub enum LeafForm {
     /// Two triangles, folded along the middle.
     Kite,
-    /// Four triangles: a kite with a lobe on each side (maple, oak).
+    /// Four triangles: rounded.
+    Oval,
+    /// Four triangles: a kite with a pointed lobe on each side.
     Lobed,
-    /// Four triangles: a twig whose needles stand off to both sides, with a jagged end.
+    /// Seven triangles: a twig of needles with side twigs to left and right.
     Spray,
 }
 

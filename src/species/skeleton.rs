@@ -234,6 +234,8 @@ fn grow_children(
             let first = children.len();
             grow_stem(start, &mut children, rng);
             if broken {
+                // Its arms broke off with it.
+                children.truncate(first + 1);
                 children[first].break_off(left);
             }
             if level > 2 {
@@ -295,12 +297,8 @@ fn grow_stem(start: Start, stems: &mut Vec<Stem>, rng: &mut SplitMix64) {
         let may_fork = u >= 0.25 && left >= 2;
         if may_fork && forks > 0 && rng.next_f32() * (left - 1) as f32 <= forks as f32 {
             let half = start.fork_deg.to_radians() * rng.range(0.35, 0.65);
-            let radial = springing_direction(
-                direction,
-                rng.range(0.0, std::f32::consts::TAU),
-                1.0,
-                0.35,
-            );
+            let radial =
+                springing_direction(direction, rng.range(0.0, std::f32::consts::TAU), 1.0, 0.35);
             let bent = |angle: f32| (direction * angle.cos() + radial * angle.sin()).normalize();
             arms.push(Start {
                 origin: position,
