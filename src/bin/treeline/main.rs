@@ -8,6 +8,7 @@ mod fly;
 mod font;
 mod headless;
 mod options;
+mod plant;
 mod scene;
 mod sheet;
 mod subject;
@@ -29,7 +30,7 @@ struct Args {
 enum Command {
     /// Fly over a forest: in a window, or as frames, a contact sheet and statistics.
     Fly(fly::FlyArgs),
-    /// Look at one tree, as mesh and as points: in a window, or as a contact sheet.
+    /// Look at a model or a plant of a species, as mesh and as points: in a window, or as a contact sheet.
     View(view::ViewArgs),
     /// Bake models to `.treeline` files and print what it took.
     Bake(bake::BakeArgs),
