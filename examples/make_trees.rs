@@ -4,7 +4,7 @@ use bevy_treeline::species::{glb::write_glb, grow, preset};
 use std::{env, error::Error, fs, path::PathBuf};
 
 /// Species, seed (chosen by eye among the first) and leaf detail (a file of at most 1.5 MB).
-const TREES: [(&str, u64, f32); 3] = [("oak", 1, 0.30), ("birch", 2, 0.40), ("spruce", 1, 0.35)];
+const TREES: [(&str, u64, f32); 3] = [("oak", 1, 0.30), ("birch", 2, 0.40), ("spruce", 1, 0.31)];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(env::args().nth(1).unwrap_or_else(|| "assets/trees".into()));

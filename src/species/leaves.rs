@@ -173,7 +173,9 @@ impl Leaf {
         let half_width = 0.5 * length * shape.width * rng.range(0.85, 1.15);
         // Blades turn to the light: the upper side faces up and out, with some disorder.
         let disorder = Vec3::new(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
-        let facing = place.outward * 0.6 + Vec3::Y * 0.6 + disorder * 0.75;
+        // Sprays of needles lie in layers.
+        let (up, chaos) = if shape.form == LeafForm::Spray { (0.8, 0.65) } else { (0.6, 0.75) };
+        let facing = place.outward * 0.6 + Vec3::Y * up + disorder * chaos;
         let across = direction.cross(facing).normalize_or(direction.any_orthonormal_vector());
         // Brightness differs per leaf; a little of it goes from green to yellow.
         let shade = rng.range(1.0 - shape.color_jitter, 1.0 + shape.color_jitter);
