@@ -46,7 +46,7 @@ fn setup(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     // More species: more handles here, and `with_species` on the trees.
-    let species = [server.load("trees/broadleaf.glb")];
+    let species = [server.load("trees/oak.glb")];
     commands.spawn(Forest::new(species).with((0..TREES).map(tree)));
     commands.spawn((
         Mesh3d(meshes.add(Plane3d::default().mesh().size(SIDE, SIDE))),

@@ -1,16 +1,16 @@
 //! Writes the three trees that ship with the crate: `cargo run --example make_trees [folder]` (default: `assets/trees`).
 
-use bevy_treeline::species::{glb::write_glb, grow, presets};
-use std::{env, fs, io, path::PathBuf};
+use bevy_treeline::species::{glb::write_glb, grow, preset};
+use std::{env, error::Error, fs, path::PathBuf};
 
-/// Chosen by eye among the first seeds.
-const SEEDS: [u64; 3] = [1, 2, 1];
+/// Species, seed (chosen by eye among the first) and leaf detail (a file of at most 1.5 MB).
+const TREES: [(&str, u64, f32); 3] = [("oak", 1, 0.30), ("birch", 2, 0.40), ("spruce", 1, 0.31)];
 
-fn main() -> io::Result<()> {
+fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(env::args().nth(1).unwrap_or_else(|| "assets/trees".into()));
     fs::create_dir_all(&folder)?;
-    for ((name, shape), seed) in presets().into_iter().zip(SEEDS) {
-        let tree = grow(&shape, seed);
+    for (name, seed, detail) in TREES {
+        let tree = grow(&preset(name)?.with_leaf_detail(detail), seed, 0.0);
         let bytes = write_glb(&tree, name);
         let path = folder.join(name).with_extension("glb");
         fs::write(&path, &bytes)?;

@@ -20,7 +20,7 @@ fn setup(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     // Any model will do. It is baked when it loads, in the background; the next start finds it in the cache.
-    commands.spawn(TreeImpostor::new(server.load("trees/broadleaf.glb")));
+    commands.spawn(TreeImpostor::new(server.load("trees/oak.glb")));
     commands.spawn((
         Mesh3d(meshes.add(Plane3d::default().mesh().size(200.0, 200.0))),
         MeshMaterial3d(materials.add(Color::srgb(0.32, 0.38, 0.22))),

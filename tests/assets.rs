@@ -25,14 +25,14 @@ fn tree(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/trees").join(name)
 }
 
-/// An asset folder with the conifer in it as `oak.glb`, and beside it a place for the cache.
+/// An asset folder with the spruce in it as `oak.glb`, and beside it a place for the cache.
 struct Disk(tempfile::TempDir);
 
 impl Disk {
     fn new() -> Self {
         let disk = Self(tempfile::tempdir().expect("a temporary folder"));
         fs::create_dir(disk.asset("")).expect("the folder is writable");
-        fs::copy(tree("conifer.glb"), disk.asset("oak.glb")).expect("the folder is writable");
+        fs::copy(tree("spruce.glb"), disk.asset("oak.glb")).expect("the folder is writable");
         disk
     }
 

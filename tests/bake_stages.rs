@@ -56,7 +56,7 @@ fn predicted(model: &SourceModel, settings: &BakeSettings) -> f64 {
 
 #[test]
 fn the_stages_one_by_one_give_what_a_bake_gives_and_a_file_keeps_it() {
-    let path = tree("broadleaf.glb");
+    let path = tree("oak.glb");
     let (model, settings) = (load(&path), settings(256));
     let directions = peel::directions(3);
     let viewports = peel::viewports(&model.bounds(), settings.ldi_size, &directions);
@@ -106,7 +106,7 @@ fn cells(tree: &TreeData, count: usize) -> HashMap<[i32; 3], usize> {
 
 #[test]
 fn every_prefix_of_the_default_order_covers_the_whole_tree() {
-    let model = load(&tree("broadleaf.glb"));
+    let model = load(&tree("oak.glb"));
     let data = bake(&model, &settings(256));
     let n = data.point_count();
     let full = cells(&data, n);
@@ -129,7 +129,7 @@ fn every_prefix_of_the_default_order_covers_the_whole_tree() {
 
 #[test]
 fn samples_stand_for_the_surface_of_the_model() {
-    for name in ["broadleaf.glb", "conifer.glb", "birch.glb"] {
+    for name in ["oak.glb", "spruce.glb", "birch.glb"] {
         let model = load(&tree(name));
         let truth = model.surface_area();
         let data = bake(&model, &settings(512));
@@ -179,7 +179,7 @@ fn the_papers_models_give_the_papers_counts() {
 
 #[test]
 fn more_directions_and_parted_triangles_find_the_same_surface() {
-    let model = load(&tree("broadleaf.glb"));
+    let model = load(&tree("oak.glb"));
     let three = bake(&model, &settings(200));
     let seven_settings = BakeSettings { directions: 7, ..settings(200) };
     let seven = bake(&model, &seven_settings);
@@ -198,7 +198,7 @@ fn more_directions_and_parted_triangles_find_the_same_surface() {
 
 #[test]
 fn layers_beyond_the_maximum_are_lost_and_counted_in_a_warning() {
-    let model = load(&tree("conifer.glb"));
+    let model = load(&tree("spruce.glb"));
     let whole = bake(&model, &settings(128));
     let cut = bake(&model, &BakeSettings { max_layers: 2, ..settings(128) });
     assert!(whole.statistics.left_over == 0 && whole.statistics.warnings.is_empty());
@@ -229,7 +229,7 @@ fn render_passes_and_the_cpu_twin_peel_the_same_points() {
             return;
         }
     };
-    let model = load(&tree("conifer.glb"));
+    let model = load(&tree("spruce.glb"));
     let peeler = peel::gpu::GpuPeeler::new(device, queue).expect("the passes compile");
     let settings = settings(128);
     let viewports = peel::viewports(&model.bounds(), 128, &peel::directions(3));

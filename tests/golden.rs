@@ -73,16 +73,16 @@ fn ground(stage: &mut Stage) {
 
 fn one_tree(path: SplatPath) -> Option<RgbaImage> {
     let mut stage = outdoors(path)?;
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     stage.world().spawn(TreeImpostor::new(tree));
-    let (_, image) = stage.view(SIZE, before("broadleaf", 16.0));
+    let (_, image) = stage.view(SIZE, before("oak", 16.0));
     Some(stage.shoot(&image, 3))
 }
 
 fn forest(path: SplatPath) -> Option<RgbaImage> {
     let mut stage = outdoors(path)?;
     ground(&mut stage);
-    let species = ["broadleaf", "birch", "conifer"].map(|name| stage.tree(name, true));
+    let species = ["oak", "birch", "spruce"].map(|name| stage.tree(name, true));
     let mut random = SplitMix64(7);
     let trees = (0..200u32).map(|i| {
         // A jittered grid.
@@ -113,7 +113,7 @@ fn forest(path: SplatPath) -> Option<RgbaImage> {
 fn crossfade_band() -> Option<RgbaImage> {
     let mut stage = outdoors(SplatPath::Auto)?;
     ground(&mut stage);
-    let tree = stage.tree("conifer", true);
+    let tree = stage.tree("spruce", true);
     // From meshes through the band (11 to 15 m) to points.
     for i in 0..6 {
         let (bearing, distance) = (i as f32 * 0.2 - 0.5, 10.8 + 1.1 * i as f32);

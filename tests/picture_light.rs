@@ -7,7 +7,7 @@ use bevy_treeline::{SplatPath, TreeImpostor, lod::prefix_count};
 use common::{Stage, baked, before, coverage, mean_color};
 
 const SIZE: UVec2 = UVec2::new(96, 80);
-const TREE: &str = "broadleaf";
+const TREE: &str = "oak";
 
 fn planted(test: &str, sun: Vec3, shadows: bool) -> Option<(Stage, Entity)> {
     let mut stage = Stage::new(test, SplatPath::Auto)?;
@@ -139,9 +139,9 @@ fn points_are_as_bright_as_the_mesh() {
 #[test]
 fn points_cover_what_the_mesh_covers() {
     let sun = Vec3::new(-0.5, -0.7, -0.5);
-    // Needles are thinner than a pixel of the LDIs of the other tests, whose conifer covers 5 to 9 % too much (at 256
+    // Needles are thinner than a pixel of the LDIs of the other tests, whose spruce covers 5 to 9 % too much (at 256
     // pixels 3 to 5 %). Half the picture's side in pixels, and samples of the mesh along each side of one.
-    for (name, half, samples) in [("broadleaf", 80, 3), ("birch", 80, 3), ("fine conifer", 272, 2)]
+    for (name, half, samples) in [("oak", 80, 3), ("birch", 80, 3), ("fine spruce", 272, 2)]
     {
         let Some((mut stage, tree)) = planted("points_cover", sun, false) else { return };
         let asset = stage.tree(name, false);

@@ -13,7 +13,7 @@ use common::{Stage, baked, before, coverage, crop, flip, mean_color};
 use image::{Rgba, RgbaImage};
 
 const SIZE: UVec2 = UVec2::new(96, 80);
-const TREE: &str = "broadleaf";
+const TREE: &str = "oak";
 /// Sun from the upper right, behind the camera.
 const SUN: Vec3 = Vec3::new(-0.5, -0.7, -0.5);
 /// Frames until everything is loaded and drawn.
@@ -42,7 +42,7 @@ fn covered_box(image: &RgbaImage) -> (UVec2, UVec2) {
 
 /// Sixty trees of three species at many distances, from the side.
 fn grove(stage: &mut Stage) -> Handle<Image> {
-    let species = ["broadleaf", "birch", "conifer"].map(|name| stage.tree(name, true));
+    let species = ["oak", "birch", "spruce"].map(|name| stage.tree(name, true));
     let trees = (0..60).map(|i| {
         let place = Vec3::new((i % 10) as f32 * 5.0 - 22.0, 0.0, (i / 10) as f32 * -11.0);
         TreeInstance { seed: (i * 11) as u8, ..TreeInstance::at(place) }

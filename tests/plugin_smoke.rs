@@ -20,7 +20,7 @@ fn rows(count: u32) -> impl Iterator<Item = TreeInstance> {
 }
 
 fn camera_place() -> Transform {
-    before("broadleaf", 60.0)
+    before("oak", 60.0)
 }
 
 fn plugin() -> TreelinePlugin {
@@ -34,7 +34,7 @@ fn logic_app(plugins: impl FnOnce(&mut App)) {
     app.add_plugins(plugin());
     app.finish();
     app.cleanup();
-    let data = baked("broadleaf").data.clone();
+    let data = baked("oak").data.clone();
     let near = app.world_mut().resource_mut::<Assets<NearMesh>>().add(NearMesh::default());
     let asset = TreeAsset { data, near_mesh: Some(near) };
     let tree = app.world_mut().resource_mut::<Assets<TreeAsset>>().add(asset);
@@ -87,7 +87,7 @@ struct Kept(Handle<Mesh>);
 fn an_empty_world_and_a_world_without_a_camera_draw() {
     let Some(mut stage) = Stage::new("an_empty_world", SplatPath::Auto) else { return };
     stage.step(2);
-    let tree = stage.tree("broadleaf", true);
+    let tree = stage.tree("oak", true);
     stage.world().spawn(Forest::new([tree.clone()]).with(rows(12)));
     stage.world().spawn(TreeImpostor::new(tree));
     stage.step(3);
@@ -103,7 +103,7 @@ fn an_empty_world_and_a_world_without_a_camera_draw() {
 #[test]
 fn every_one_of_many_cameras_counts_its_own_trees() {
     let Some(mut stage) = Stage::new("every_one_of_many_cameras", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     stage.world().spawn(Forest::new([tree]).with(rows(12)));
     let cameras: Vec<Entity> = (0..12)
         .map(|i| {
@@ -129,7 +129,7 @@ fn a_forest_of_missing_species_or_without_trees_is_not_drawn() {
         return;
     };
     let missing = stage.world().resource::<AssetServer>().load("there is no such tree.glb");
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     stage.world().spawn(Forest::new([missing.clone()]).with(rows(5)));
     stage.world().spawn(Forest::new([tree.clone()]));
     stage.world().spawn(Forest::new([]).with(rows(3)));
@@ -150,7 +150,7 @@ fn a_forest_of_missing_species_or_without_trees_is_not_drawn() {
 #[test]
 fn counters_follow_a_forest_that_changes() {
     let Some(mut stage) = Stage::new("counters_follow", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     let forest = stage.world().spawn(Forest::new([tree.clone()]).with(rows(12))).id();
     let (camera, image) = stage.view(SIZE, camera_place());
     let seen = |stage: &mut Stage| {
@@ -190,7 +190,7 @@ fn points_diagnostic(stage: &Stage) -> Option<f64> {
 #[test]
 fn a_camera_that_stops_drawing_trees_stops_counting_them() {
     let Some(mut stage) = Stage::new("a_camera_that_stops", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     stage.world().spawn(Forest::new([tree]).with(rows(12)));
     let (first, image) = stage.view(SIZE, camera_place());
     let (second, _) = stage.view(SIZE, camera_place());
@@ -220,7 +220,7 @@ fn a_camera_that_stops_drawing_trees_stops_counting_them() {
 #[test]
 fn single_trees_that_come_in_numbers_leave_the_forest_in_every_frame() {
     let Some(mut stage) = Stage::new("single_trees_in_numbers", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     stage.world().spawn(Forest::new([tree.clone()]).with(rows(12)));
     let (camera, image) = stage.view(SIZE, camera_place());
     let picture = stage.shoot(&image, 3);
@@ -241,7 +241,7 @@ fn single_trees_that_come_in_numbers_leave_the_forest_in_every_frame() {
 #[test]
 fn cameras_without_pixels_or_with_absurd_settings_do_no_harm() {
     let Some(mut stage) = Stage::new("cameras_without_pixels", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     let odd = [0.0, -1.0, f32::NAN, f32::INFINITY, 1e30];
     let trees = odd.map(|scale| TreeInstance::at(Vec3::ZERO).with_scale(scale));
     let places = odd.map(|x| TreeInstance::at(Vec3::splat(x)));

@@ -17,7 +17,7 @@ use bevy_treeline::{
 use common::{Stage, baked};
 
 const SIZE: UVec2 = UVec2::new(120, 90);
-const SPECIES: [&str; 2] = ["broadleaf", "birch"];
+const SPECIES: [&str; 2] = ["oak", "birch"];
 
 /// What selection should have counted.
 #[derive(Debug, Default)]
@@ -265,15 +265,15 @@ fn near_trees_of_a_forest_are_meshes_as_on_the_cpu() {
 #[test]
 fn a_single_tree_changes_from_mesh_to_points_with_distance() {
     let Some(mut stage) = Stage::new("a_single_tree_changes", SplatPath::Auto) else { return };
-    let asset = stage.tree("broadleaf", true);
+    let asset = stage.tree("oak", true);
     let tree = stage.world().spawn(TreeImpostor::new(asset)).id();
     let (camera, _) = stage.view(SIZE, default());
-    let all = baked("broadleaf").data.point_count() as u32;
+    let all = baked("oak").data.point_count() as u32;
     // Mesh up to 11.25 m, both complete at 13.1 m, points from 15 m.
     for (distance, as_mesh, in_fade) in
         [(8.0, 1, 0), (12.5, 0, 1), (14.0, 0, 1), (15.5, 0, 0), (60.0, 0, 0), (10.0, 1, 0)]
     {
-        stage.world().entity_mut(camera).insert(common::before("broadleaf", distance));
+        stage.world().entity_mut(camera).insert(common::before("oak", distance));
         stage.step(9);
         let counters = stage.counters(camera);
         let state = *stage.world().get::<LodState>(tree).expect("it is required");
@@ -286,7 +286,7 @@ fn a_single_tree_changes_from_mesh_to_points_with_distance() {
         assert_eq!(state.mesh > 0.0, as_mesh + in_fade == 1, "{what}");
         assert_eq!(state.mesh == 1.0, distance < 13.0, "{what}");
         assert!(
-            (state.d0 - baked("broadleaf").data.pixel * view_point(&stage, camera).z0).abs() < 1e-3
+            (state.d0 - baked("oak").data.pixel * view_point(&stage, camera).z0).abs() < 1e-3
         );
         assert_eq!(
             stage.world().resource::<NearMeshes>().len(),

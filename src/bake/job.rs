@@ -5,10 +5,14 @@ use super::{
     loader::{NearMeshLoader, TreeLoader},
     near::{self, NearMeshSource},
     peel::gpu::GpuPeeler,
+    plant::bake_species,
     settings::BakeSettings,
     source::SourceModel,
 };
-use crate::asset::{BakeCache, CacheLocation, NearMesh, TreeAsset};
+use crate::{
+    asset::{BakeCache, CacheLocation, NearMesh, TreeAsset},
+    species::Species,
+};
 use bevy::{
     ecs::system::SystemParam,
     prelude::*,
@@ -159,6 +163,19 @@ impl TreeBaker<'_> {
     pub fn bake_model(&mut self, model: SourceModel, settings: BakeSettings) -> Handle<TreeAsset> {
         self.start(model.name.clone(), move |environment, progress| {
             bake_model(Arc::new(model), None, &settings, &environment.context(), 0.0, progress)
+        })
+    }
+
+    /// Grows a plant (see [`grow`](crate::species::grow)) and bakes it in the background. The tree appears when it is done.
+    pub fn bake_species(
+        &mut self,
+        species: Species,
+        seed: u64,
+        autumn: f32,
+        settings: BakeSettings,
+    ) -> Handle<TreeAsset> {
+        self.start(species.name.clone(), move |environment, progress| {
+            bake_species(&species, seed, autumn, &settings, &environment.context(), progress)
         })
     }
 

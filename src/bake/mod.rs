@@ -1,6 +1,6 @@
 //! L2: mesh → tree. `source` → `peel` → `surfels` → `lighting` → `order` → `assemble`; `job` runs it in the background.
 //!
-//! In: a model file ([`bake_file`]), or a model of any origin ([`bake_model`], [`model_of_entities`]). Out: [`Baked`], the points
+//! In: a model file ([`bake_file`]), a species ([`bake_species`]), or a model of any origin ([`bake_model`], [`model_of_entities`]). Out: [`Baked`], the points
 //! and the model they came from. In a running game, load a model as a [`TreeAsset`](crate::TreeAsset), or start a bake with
 //! [`TreeBaker`]. Seconds for a tree of some 100,000 triangles; nothing on the second start, thanks to the cache.
 //!
@@ -20,6 +20,7 @@ mod loader;
 mod near;
 pub mod order;
 pub mod peel;
+mod plant;
 pub mod predict;
 mod settings;
 pub mod source;
@@ -38,4 +39,5 @@ pub use loader::{
     TreeSaver,
 };
 pub use near::{NearMeshSource, near_mesh_sources};
+pub use plant::bake_species;
 pub use settings::{BakeSettings, OrderMethod, PeelBackend, SettingsError};

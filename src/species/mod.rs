@@ -1,33 +1,48 @@
-//! L1, pure: a small tree generator. Shape parameters and a seed in, coloured triangles out; a few milliseconds a tree.
+//! L1, pure: a small plant generator. A species, a seed and a season in, coloured triangles out; some ten milliseconds a tree.
 //!
-//! `shape` (parameters) and `presets` → `envelope` (outline of the crown) → `skeleton` (stems) → `bark` (tubes) and `leaves`
-//! → [`PlainTree`] → `glb` (bytes of a file). The stems follow Weber & Penn 1995, "Creation and Rendering of Realistic
-//! Trees", section 4, in their parameters (down angle, rotation, curve, taper); unlike there, an explicit outline with lobes
-//! bounds the lengths, which gives clumps and gaps without tuning per species.
+//! `file` (RON, presets) and `shape` (parameters, with their `ranges`) → `envelope` (outline of the crown) → `skeleton`
+//! (stems) → `bark` (tubes), `leaves` (coloured by `season`) and `blossoms`; or `cover` for what has no stems →
+//! [`PlainTree`] → `glb` (bytes of a file). The stems follow Weber & Penn 1995, "Creation and Rendering of Realistic
+//! Trees", section 4, in their parameters (levels, down angle, rotation, curve, forks, taper); unlike there, an explicit
+//! outline with lobes bounds the lengths, which gives clumps and gaps without tuning per species.
+//!
+//! ```
+//! use bevy_treeline::species::{grow, preset};
+//! let oak = preset("oak")?;
+//! let tree = grow(&oak, 3, 0.0);
+//! assert!(tree.triangle_count() > 20_000);
+//! # Ok::<(), bevy_treeline::species::SpeciesError>(())
+//! ```
 
 mod bark;
+mod blossoms;
+mod cover;
 mod envelope;
+mod file;
 pub mod glb;
 mod leaves;
-mod presets;
-#[cfg(test)]
-mod preview;
+mod ranges;
+mod season;
 pub mod shape;
 mod skeleton;
+#[cfg(test)]
+mod tests;
 
-pub use presets::presets;
+pub use file::{PlantShape, Species, SpeciesError, SpeciesKind, preset, species_names};
 pub use shape::TreeShape;
 
 use crate::math::bounding::Aabb;
 use crate::math::hash::SplitMix64;
 use bevy::math::Vec3;
+use season::Season;
+use shape::BlossomShape;
 
-/// Triangles of one surface of a tree. All vertex lists have the same length.
+/// Triangles of one surface of a plant. All vertex lists have the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlainPart {
-    /// `bark` or `leaves`.
+    /// `bark`, `leaves` or `blossoms`.
     pub name: String,
-    /// Metres; the tree stands at the origin, y is up.
+    /// Metres; the plant stands at the origin, y is up.
     pub positions: Vec<Vec3>,
     /// Unit, for shading; those of leaves are bent to the outside of the crown.
     pub normals: Vec<Vec3>,
@@ -51,12 +66,21 @@ impl PlainPart {
         self.colors.push([r, g, b, 1.0]);
         index
     }
+
+    /// Adds a triangle, wound so that its front is on the side of its normals: there, lighting takes them as they are.
+    fn push_facing(&mut self, triangle: [u32; 3]) {
+        let [a, b, c] = triangle.map(|i| self.positions[i as usize]);
+        let normal: Vec3 = triangle.iter().map(|&i| self.normals[i as usize]).sum();
+        let [i, j, k] = triangle;
+        let front = (b - a).cross(c - a).dot(normal) >= 0.0;
+        self.triangles.push(if front { [i, j, k] } else { [i, k, j] });
+    }
 }
 
-/// A tree as plain data.
+/// A plant as plain data.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlainTree {
-    /// Bark first, then leaves.
+    /// Bark, leaves, blossoms: those that the plant has.
     pub parts: Vec<PlainPart>,
 }
 
@@ -72,88 +96,45 @@ impl PlainTree {
     }
 }
 
-/// Grows a tree. The same shape and seed give the same tree on one platform; shapes with values outside their ranges
-/// are clamped to them, so every shape grows. O(stems · segments + leaves).
-pub fn grow(shape: &TreeShape, seed: u64) -> PlainTree {
-    let shape = shape.clamped();
+/// Grows a plant. The same species, seed and season give the same plant on one platform; values outside their ranges are
+/// clamped to them, so every species grows. `autumn` is 0 in summer and 1 at the end of autumn (clamped); evergreens ignore
+/// it. The seasons of one seed share one crown. O(stems · segments + leaves).
+pub fn grow(species: &Species, seed: u64, autumn: f32) -> PlainTree {
+    let species = species.clamped();
     let mut rng = SplitMix64(seed);
-    let height = shape.height_m * rng.range(1.0 - shape.height_jitter, 1.0 + shape.height_jitter);
-    let envelope = envelope::Envelope::new(&shape.crown, height, &mut rng);
-    let stems = skeleton::grow_stems(&shape, &envelope, &mut rng);
-    let bark = bark::bark_part(&shape.bark, &stems, height, &mut rng);
-    let leaves = leaves::leaves_part(&shape.leaves, &stems, &envelope, &mut rng);
-    PlainTree { parts: vec![bark, leaves] }
+    let season = Season::new(species.autumn.as_ref().filter(|_| species.deciduous), autumn);
+    let blossoms = species.blossoms.as_ref();
+    let height = |height_m: f32, jitter: f32, rng: &mut SplitMix64| {
+        height_m * rng.range(1.0 - jitter, 1.0 + jitter)
+    };
+    let parts = match &species.shape {
+        PlantShape::Tree(shape) => {
+            let height = height(shape.height_m, shape.height_jitter, &mut rng);
+            grow_tree(shape, blossoms, &season, height, &mut rng)
+        }
+        PlantShape::Cover(shape) => {
+            let height = height(shape.height_m, shape.height_jitter, &mut rng);
+            cover::grow_cover(shape, blossoms, &season, height, &mut rng)
+        }
+    };
+    PlainTree { parts: parts.into_iter().filter(|part| !part.triangles.is_empty()).collect() }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_preset_stands_on_the_ground_within_its_budget() {
-        for (name, shape) in presets() {
-            for seed in 1..9 {
-                let tree = grow(&shape, seed);
-                let bounds = tree.bounds();
-                assert!((8.0..=17.0).contains(&bounds.max.y), "{name} {seed}: {bounds:?}");
-                assert!(bounds.min.y.abs() < 1e-4, "{name} {seed}: {bounds:?}");
-                let triangles = tree.triangle_count();
-                assert!((11_500..=25_000).contains(&triangles), "{name} {seed}: {triangles}");
-            }
-        }
+fn grow_tree(
+    shape: &TreeShape,
+    blossoms: Option<&BlossomShape>,
+    season: &Season,
+    height: f32,
+    rng: &mut SplitMix64,
+) -> Vec<PlainPart> {
+    let envelope = envelope::Envelope::new(&shape.crown, height, rng);
+    let stems = skeleton::grow_stems(shape, &envelope, rng);
+    let mut parts = vec![bark::bark_part(&shape.bark, &stems, height, rng)];
+    if let Some(leaves) = &shape.leaves {
+        parts.push(leaves::leaves_part(leaves, &stems, &envelope, season, rng));
     }
-
-    #[test]
-    fn vertices_are_finite_with_unit_normals_and_indices_in_range() {
-        for (name, shape) in presets() {
-            let tree = grow(&shape, 7);
-            assert_eq!(tree.parts.len(), 2);
-            for part in &tree.parts {
-                let vertices = part.positions.len();
-                assert_eq!((part.normals.len(), part.colors.len()), (vertices, vertices));
-                assert!(part.positions.iter().all(|p| p.is_finite()), "{name} {}", part.name);
-                assert!(
-                    part.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3),
-                    "{name} {}",
-                    part.name
-                );
-                assert!(part.triangles.iter().flatten().all(|&i| (i as usize) < vertices));
-            }
-        }
+    if let Some(blossoms) = blossoms {
+        parts.push(blossoms::tree_blossoms(blossoms, &stems, &envelope, rng));
     }
-
-    #[test]
-    fn triangles_face_the_side_of_their_normals() {
-        for (name, shape) in presets() {
-            for part in grow(&shape, 3).parts {
-                let agreeing = part.triangles.iter().filter(|t| {
-                    let [a, b, c] = t.map(|i| part.positions[i as usize]);
-                    let normal: Vec3 = t.iter().map(|&i| part.normals[i as usize]).sum();
-                    (b - a).cross(c - a).dot(normal) >= 0.0
-                });
-                let share = agreeing.count() as f32 / part.triangles.len() as f32;
-                assert!(share > 0.97, "{name} {}: {share}", part.name);
-            }
-        }
-    }
-
-    #[test]
-    fn equal_seeds_give_equal_trees_and_others_do_not() {
-        let shape = TreeShape::broadleaf();
-        assert_eq!(grow(&shape, 5), grow(&shape, 5));
-        assert_ne!(grow(&shape, 5), grow(&shape, 6));
-    }
-
-    #[test]
-    fn absurd_shapes_grow_without_panic() {
-        let mut shape = TreeShape::broadleaf();
-        shape.height_m = f32::NAN;
-        shape.crown.radius_m = -4.0;
-        shape.limbs.per_m = f32::INFINITY;
-        shape.twigs.segments = u32::MAX;
-        shape.bark.sides = 0;
-        shape.leaves.width = f32::NAN;
-        let tree = grow(&shape, 1);
-        assert!(tree.parts.iter().flat_map(|p| &p.positions).all(|p| p.is_finite()));
-    }
+    parts
 }

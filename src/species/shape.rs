@@ -1,230 +1,320 @@
-//! Parameters of a tree and their ranges. Lengths in metres, angles in degrees, colours linear.
+//! Parameters of a plant. Lengths in metres, angles in degrees, colours linear red, green and blue from 0 to 1.
+//!
+//! The doc comment of a field gives its meaning; its range stands once, in [`ranges`](super::ranges).
+
+use serde::Deserialize;
+
+/// Linear red, green and blue, each 0 to 1.
+pub type LinearRgb = [f32; 3];
 
 /// Outline of the crown: a body of revolution around the trunk with random lobes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CrownShape {
-    /// Where the crown begins, as a share of the tree's height; 0 to 0.8.
+    /// Where the crown begins, as a share of the tree's height.
     pub base: f32,
-    /// Largest radius in metres; 0.2 to 20.
+    /// Largest radius in metres.
     pub radius_m: f32,
-    /// Where it is widest, as a share of the crown's height; 0 to 1.
+    /// Where it is widest, as a share of the crown's height.
     pub widest: f32,
-    /// Superellipse exponent below the widest place; 1 is a cone, 2 an ellipse, more is boxy; 0.5 to 6.
+    /// Superellipse exponent below the widest place; 1 is a cone, 2 an ellipse, more is boxy.
     pub lower_power: f32,
-    /// Superellipse exponent above the widest place; 0.5 to 6.
+    /// Superellipse exponent above the widest place.
     pub upper_power: f32,
-    /// How far lobes swell and hollows shrink the outline, as a share of the radius; 0 to 0.6.
+    /// How far lobes swell and hollows shrink the outline, as a share of the radius.
     pub lumpiness: f32,
 }
 
-/// Trunk of a tree.
-#[derive(Clone, Debug, PartialEq)]
+/// Trunk of a tree: level 0 of its stems.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TrunkShape {
-    /// Radius in metres above the root flare; 0.02 to 2.
+    /// Trunks that rise from the same root: 1 for trees, several for shrubs.
+    pub count: u32,
+    /// Angle of several trunks to the vertical, in degrees.
+    pub lean_deg: f32,
+    /// Radius in metres above the root flare.
     pub radius_m: f32,
-    /// Length as a share of the tree's height (less than 1 where limbs form the top); 0.3 to 1.
+    /// Length as a share of the tree's height (less than 1 where limbs form the top).
     pub length: f32,
-    /// How much wider the foot is, as a share of the radius; 0 to 2.
+    /// How much wider the foot is, as a share of the radius.
     pub flare: f32,
-    /// Random bending per segment in degrees; 0 to 30.
+    /// Random bending per segment in degrees.
     pub wander_deg: f32,
-    /// Rings; 4 to 64.
+    /// Segments along it.
     pub segments: u32,
+    /// Exponent of the taper: 1 is a cone, more keeps the strength to the top.
+    pub taper: f32,
 }
 
 /// Stems that grow from the stems of the level below.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct StemShape {
-    /// Stems per metre of the parent's bearing part; 0 to 20.
+    /// Stems per metre of the parent's bearing part.
     pub per_m: f32,
-    /// Bearing part of the parent as shares of its length; 0 to 1, ascending.
+    /// Bearing part of the parent as shares of its length, ascending.
     pub bearing: [f32; 2],
-    /// Stems that spring from one height: 1 is a spiral by the golden angle; 1 to 12.
+    /// Stems that spring from one height: 1 is a spiral by the golden angle.
     pub whorl: u32,
-    /// Angle to the parent at the start and the end of the bearing part, in degrees; 0 to 150.
+    /// Angle to the parent at the start and the end of the bearing part, in degrees.
     pub angle_deg: [f32; 2],
-    /// Random part of the angle, in degrees; 0 to 60.
+    /// Random part of the angle, in degrees.
     pub angle_jitter_deg: f32,
-    /// 0 springs off all around, 1 only to the left and right, like fronds; 0 to 1.
+    /// 0 springs off all around, 1 only to the left and right, like fronds.
     pub flatness: f32,
-    /// Length as a share of what is left to the outline (limbs) or of the parent's length (others); 0 to 1.5.
+    /// Length as a share of what is left to the outline (first level) or of the parent's length (others).
     pub length: f32,
-    /// Random part of the length, as a share of it; 0 to 0.9.
+    /// Random part of the length, as a share of it.
     pub length_jitter: f32,
-    /// Turn towards the sky (down if negative) over the inner and the outer half, in degrees; −150 to 150.
+    /// How much of a stem may leave the outline: 0 ends there, 1 hangs freely out of the crown (never into the ground).
+    pub hang: f32,
+    /// Turn towards the sky (down if negative) over the inner and the outer half, in degrees.
     pub lift_deg: [f32; 2],
-    /// Random bending per segment, in degrees; 0 to 60.
+    /// Random bending per segment, in degrees.
     pub wander_deg: f32,
-    /// Radius as a share of the parent's where it springs off; 0.05 to 1.
+    /// Times that a stem forks, on average.
+    pub forks: f32,
+    /// Angle between the two arms of a fork, in degrees.
+    pub fork_deg: f32,
+    /// Share of the stems that broke off and end blunt.
+    pub broken: f32,
+    /// Radius as a share of the parent's where it springs off.
     pub radius: f32,
-    /// Segments along the stem; 1 to 16.
+    /// Exponent of the taper: 1 is a cone, more keeps the strength to the end.
+    pub taper: f32,
+    /// Segments along the stem.
     pub segments: u32,
-    /// Sides of its tube; 0 draws none, else 3 to 16.
+    /// Sides of its tube; 0 draws none, else 3 or more.
     pub sides: u32,
 }
 
 /// Bark colours and the trunk's tube.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BarkShape {
-    /// Sides of the trunk's tube; 3 to 16.
+    /// Sides of the trunk's tube.
     pub sides: u32,
+    /// Ridges and knots of thick wood, as a share of its radius.
+    pub gnarl: f32,
     /// Colour at the foot.
-    pub foot: [f32; 3],
+    pub foot: LinearRgb,
     /// Colour of the trunk and thick limbs.
-    pub trunk: [f32; 3],
+    pub trunk: LinearRgb,
+    /// Colour of thick wood in the upper part of the tree.
+    pub upper: LinearRgb,
+    /// Where `trunk` begins and ends to turn into `upper`, as shares of the tree's height, ascending.
+    pub upper_from: [f32; 2],
     /// Colour of stems thinner than 2 cm.
-    pub twig: [f32; 3],
+    pub twig: LinearRgb,
     /// Colour of the marks.
-    pub mark: [f32; 3],
-    /// Share of the vertices of thick stems that are marked; 0 to 1.
+    pub mark: LinearRgb,
+    /// Share of thick wood that is marked.
     pub mark_share: f32,
-    /// Perceptual roughness; 0 to 1.
+    /// Perceptual roughness.
     pub roughness: f32,
 }
 
-/// Leaves (or sprays of needles) on the stems of the last level.
-#[derive(Clone, Debug, PartialEq)]
+/// Outline of one leaf.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum LeafForm {
+    /// Two triangles, folded along the middle.
+    Kite,
+    /// Four triangles: rounded.
+    Oval,
+    /// Four triangles: a kite with a pointed lobe on each side.
+    Lobed,
+    /// Seven triangles: a twig of needles with side twigs to left and right.
+    Spray,
+}
+
+/// Leaves (or sprays of needles) on the outer stems.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LeafShape {
-    /// Leaves of the whole tree, spread evenly along its leafy stems (met within a few percent); 0 to 500,000.
+    /// Leaves of the whole tree, spread evenly along its leafy stems (met within a few percent).
     pub count: u32,
-    /// How many of the last levels bear leaves (stems without children always do); 1 to 3.
+    /// Outline of a leaf.
+    pub form: LeafForm,
+    /// How many of the last levels bear leaves (stems without children always do).
     pub levels: u32,
-    /// Leaves a place; they share a vertex; 1 to 8.
+    /// Where on a stem its leaves begin, as a share of its length.
+    pub from: f32,
+    /// Leaves a place; they share a vertex.
     pub per_node: u32,
-    /// Length in metres; 0.01 to 2.
+    /// Length in metres.
     pub length_m: f32,
-    /// Width as a share of the length; 0.02 to 2.
+    /// Width as a share of the length.
     pub width: f32,
-    /// Random part of the size, as a share of it; 0 to 0.9.
+    /// Random part of the size, as a share of it.
     pub size_jitter: f32,
-    /// Where a leaf is widest, as a share of its length; 0.1 to 0.9.
+    /// Where a leaf is widest, as a share of its length.
     pub widest: f32,
-    /// Fold along the middle, in degrees; 0 to 80.
+    /// Fold along the middle, in degrees.
     pub fold_deg: f32,
-    /// Angle to the stem, in degrees; 0 to 150.
+    /// Angle to the stem, in degrees.
     pub angle_deg: f32,
-    /// 0 all around the stem, 1 only to the left and right; 0 to 1.
+    /// 0 all around the stem, 1 only to the left and right.
     pub flatness: f32,
-    /// Pull of gravity on the leaf's direction; −1 (up) to 2.
+    /// Pull of gravity on the leaf's direction; negative is up.
     pub droop: f32,
-    /// Share of the shading normal that is bent to the outside; 0 to 1.
+    /// Share of the shading normal that is bent to the outside.
     pub bend: f32,
-    /// Colours deep inside the crown, at its surface, and of its sunlit top.
-    pub inside: [f32; 3],
-    /// See `inside`.
-    pub outside: [f32; 3],
-    /// See `inside`.
-    pub top: [f32; 3],
-    /// Random part of a leaf's brightness; 0 to 0.8.
+    /// Colour deep inside the crown.
+    pub inside: LinearRgb,
+    /// Colour at the crown's surface.
+    pub outside: LinearRgb,
+    /// Colour of the crown's sunlit top.
+    pub top: LinearRgb,
+    /// Random part of a leaf's brightness.
     pub color_jitter: f32,
-    /// Perceptual roughness; 0 to 1.
+    /// Perceptual roughness.
     pub roughness: f32,
 }
 
-/// Everything that describes a species.
-#[derive(Clone, Debug, PartialEq)]
+/// A plant of stems: trees and shrubs.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TreeShape {
-    /// Height in metres; 1 to 60.
+    /// Height in metres.
     pub height_m: f32,
-    /// Random part of the height, as a share of it; 0 to 0.5.
+    /// Random part of the height, as a share of it.
     pub height_jitter: f32,
     /// Outline.
     pub crown: CrownShape,
     /// Level 0.
     pub trunk: TrunkShape,
-    /// Level 1, on the trunk.
-    pub limbs: StemShape,
-    /// Level 2, on limbs.
-    pub boughs: StemShape,
-    /// Level 3, on boughs; with `per_m` 0 the boughs bear the leaves.
-    pub twigs: StemShape,
+    /// Levels 1 (limbs on the trunk), 2 (boughs on limbs) and so on; one to four.
+    pub levels: Vec<StemShape>,
     /// Colours of wood.
     pub bark: BarkShape,
-    /// Leaves.
-    pub leaves: LeafShape,
+    /// Leaves; absent on dead trees.
+    #[serde(default)]
+    pub leaves: Option<LeafShape>,
 }
 
-impl TreeShape {
-    /// This shape with every value inside its range; NaN becomes the lower end.
-    pub fn clamped(&self) -> Self {
-        let mut shape = self.clone();
-        shape.height_m = within(shape.height_m, 1.0, 60.0);
-        shape.height_jitter = within(shape.height_jitter, 0.0, 0.5);
-        let crown = &mut shape.crown;
-        crown.base = within(crown.base, 0.0, 0.8);
-        crown.radius_m = within(crown.radius_m, 0.2, 20.0);
-        crown.widest = within(crown.widest, 0.0, 1.0);
-        crown.lower_power = within(crown.lower_power, 0.5, 6.0);
-        crown.upper_power = within(crown.upper_power, 0.5, 6.0);
-        crown.lumpiness = within(crown.lumpiness, 0.0, 0.6);
-        let trunk = &mut shape.trunk;
-        trunk.radius_m = within(trunk.radius_m, 0.02, 2.0);
-        trunk.length = within(trunk.length, 0.3, 1.0);
-        trunk.flare = within(trunk.flare, 0.0, 2.0);
-        trunk.wander_deg = within(trunk.wander_deg, 0.0, 30.0);
-        trunk.segments = trunk.segments.clamp(4, 64);
-        for stem in [&mut shape.limbs, &mut shape.boughs, &mut shape.twigs] {
-            stem.clamp();
-        }
-        shape.bark.clamp();
-        shape.leaves.clamp();
-        shape
-    }
+/// Leaflets to both sides of a blade, which make it a frond.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeafletShape {
+    /// Leaflets on each side.
+    pub pairs: u32,
+    /// Share of the blade's length below the first pair.
+    pub from: f32,
+    /// Length of the longest ones as a share of the blade's length.
+    pub length: f32,
+    /// Where along the leafy part they are longest.
+    pub longest: f32,
+    /// Width as a share of their length.
+    pub width: f32,
+    /// Angle to the blade, in degrees.
+    pub angle_deg: f32,
 }
 
-impl StemShape {
-    fn clamp(&mut self) {
-        self.per_m = within(self.per_m, 0.0, 20.0);
-        self.bearing[0] = within(self.bearing[0], 0.0, 1.0);
-        self.bearing[1] = within(self.bearing[1], self.bearing[0], 1.0);
-        self.whorl = self.whorl.clamp(1, 12);
-        self.angle_deg = self.angle_deg.map(|v| within(v, 0.0, 150.0));
-        self.angle_jitter_deg = within(self.angle_jitter_deg, 0.0, 60.0);
-        self.flatness = within(self.flatness, 0.0, 1.0);
-        self.length = within(self.length, 0.0, 1.5);
-        self.length_jitter = within(self.length_jitter, 0.0, 0.9);
-        self.lift_deg = self.lift_deg.map(|v| within(v, -150.0, 150.0));
-        self.wander_deg = within(self.wander_deg, 0.0, 60.0);
-        self.radius = within(self.radius, 0.05, 1.0);
-        self.segments = self.segments.clamp(1, 16);
-        self.sides = if self.sides == 0 { 0 } else { self.sides.clamp(3, 16) };
-    }
+/// Blades (grass) or fronds (fern) that rise from the ground and arch over.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BladeShape {
+    /// How many.
+    pub count: u32,
+    /// Shortest and longest, as shares of the length that reaches the plant's height, ascending.
+    pub length: [f32; 2],
+    /// Width at the widest place in metres.
+    pub width_m: f32,
+    /// Segments along a blade.
+    pub segments: u32,
+    /// Angle to the vertical at the ground of the innermost and the outermost, in degrees.
+    pub angle_deg: [f32; 2],
+    /// Bending from foot to tip, in degrees.
+    pub arch_deg: f32,
+    /// Random part of all angles, in degrees.
+    pub wander_deg: f32,
+    /// Leaflets; absent on grass.
+    #[serde(default)]
+    pub leaflets: Option<LeafletShape>,
+    /// Share of the shading normal that is bent up and out.
+    pub bend: f32,
+    /// Colour at the ground.
+    pub foot: LinearRgb,
+    /// Colour in the middle.
+    pub middle: LinearRgb,
+    /// Colour at the tip.
+    pub tip: LinearRgb,
+    /// Random part of a blade's brightness.
+    pub color_jitter: f32,
+    /// Perceptual roughness.
+    pub roughness: f32,
 }
 
-impl BarkShape {
-    fn clamp(&mut self) {
-        self.sides = self.sides.clamp(3, 16);
-        for color in [&mut self.foot, &mut self.trunk, &mut self.twig, &mut self.mark] {
-            *color = color.map(|v| within(v, 0.0, 1.0));
-        }
-        self.mark_share = within(self.mark_share, 0.0, 1.0);
-        self.roughness = within(self.roughness, 0.0, 1.0);
-    }
+/// Stalks, each with a blossom at its end.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StalkShape {
+    /// How many.
+    pub count: u32,
+    /// Shortest and longest, as shares of the plant's height, ascending.
+    pub length: [f32; 2],
+    /// Largest angle to the vertical, in degrees.
+    pub lean_deg: f32,
+    /// Radius in metres.
+    pub radius_m: f32,
+    /// Leaves on each.
+    pub leaves: u32,
+    /// Length of those in metres.
+    pub leaf_length_m: f32,
+    /// Width of those as a share of their length.
+    pub leaf_width: f32,
+    /// Colour.
+    pub color: LinearRgb,
 }
 
-impl LeafShape {
-    fn clamp(&mut self) {
-        self.count = self.count.min(500_000);
-        self.levels = self.levels.clamp(1, 3);
-        self.per_node = self.per_node.clamp(1, 8);
-        self.length_m = within(self.length_m, 0.01, 2.0);
-        self.width = within(self.width, 0.02, 2.0);
-        self.size_jitter = within(self.size_jitter, 0.0, 0.9);
-        self.widest = within(self.widest, 0.1, 0.9);
-        self.fold_deg = within(self.fold_deg, 0.0, 80.0);
-        self.angle_deg = within(self.angle_deg, 0.0, 150.0);
-        self.flatness = within(self.flatness, 0.0, 1.0);
-        self.droop = within(self.droop, -1.0, 2.0);
-        self.bend = within(self.bend, 0.0, 1.0);
-        for color in [&mut self.inside, &mut self.outside, &mut self.top] {
-            *color = color.map(|v| within(v, 0.0, 1.0));
-        }
-        self.color_jitter = within(self.color_jitter, 0.0, 0.8);
-        self.roughness = within(self.roughness, 0.0, 1.0);
-    }
+/// A plant without wood: grass, ferns, flowers.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoverShape {
+    /// Height in metres.
+    pub height_m: f32,
+    /// Random part of the height, as a share of it.
+    pub height_jitter: f32,
+    /// Blades rise from a disc of this radius in metres.
+    pub base_radius_m: f32,
+    /// Blades or fronds.
+    pub blades: BladeShape,
+    /// Stalks with blossoms; absent on ferns.
+    #[serde(default)]
+    pub stalks: Option<StalkShape>,
 }
 
-/// `f32::clamp` that also takes NaN (to the lower end).
-fn within(value: f32, low: f32, high: f32) -> f32 {
-    if value.is_nan() { low } else { value.clamp(low, high) }
+/// Blossoms: at the ends of stalks, or on the leafy stems of a tree.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlossomShape {
+    /// Blossoms of a whole tree or shrub (stalks bear one each, whatever this says).
+    pub count: u32,
+    /// Petals of one.
+    pub petals: u32,
+    /// Radius in metres.
+    pub radius_m: f32,
+    /// Width of a petal as a share of its length.
+    pub petal_width: f32,
+    /// How far petals rise from the flat, in degrees.
+    pub cup_deg: f32,
+    /// Radius of the disc in the middle, as a share of the blossom's.
+    pub disc: f32,
+    /// Colours of petals: each plant has one mixed from two neighbours.
+    pub colors: Vec<LinearRgb>,
+    /// Colour of the disc.
+    pub disc_color: LinearRgb,
+}
+
+/// Autumn of a deciduous plant.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AutumnShape {
+    /// Colours of turned leaves, from the first to the last that a leaf may take; one to six.
+    pub colors: Vec<LinearRgb>,
+    /// How much later the last leaf turns than the first, as a share of the autumn.
+    pub spread: f32,
+    /// Share of the leaves that lie on the ground at the end.
+    pub fallen: f32,
 }

@@ -67,7 +67,7 @@ fn a_report_that_cannot_be_written_is_named_and_the_trees_are_there() {
     place.write("file", b"not a folder");
     let run = place.run("bake {tree} --ldi 64 --out out --json file/table.json");
     run.fails_with(&["cannot write file"]);
-    assert_eq!(place.files("out"), ["conifer.treeline"]);
+    assert_eq!(place.files("out"), ["spruce.treeline"]);
 }
 
 #[test]

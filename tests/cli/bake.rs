@@ -12,12 +12,12 @@ fn a_bad_model_among_good_ones_is_reported_and_the_good_ones_are_baked() {
         place.run(&format!("bake {{tree}} lost.glb {birch} --ldi 64 --out out --json table.json"));
     run.fails_with(&["lost.glb", "No such file", "check the path"]);
     assert!(run.err.contains("1 of 3 models failed"), "{}", run.err);
-    assert_eq!(place.files("out"), ["birch.treeline", "conifer.treeline"]);
+    assert_eq!(place.files("out"), ["birch.treeline", "spruce.treeline"]);
 
     let report = place.json("table.json");
     let models = report["models"].as_array().expect("a list");
     assert_eq!(models.len(), 2);
-    for (model, name) in models.iter().zip(["conifer", "birch"]) {
+    for (model, name) in models.iter().zip(["spruce", "birch"]) {
         let text = |key: &str| model[key].as_str().unwrap_or_default().to_owned();
         let number = |value: &Value| value.as_u64().unwrap_or_default();
         assert!(text("file").ends_with(&format!("{name}.glb")), "{model}");
@@ -54,7 +54,7 @@ fn a_second_bake_comes_from_the_cache_and_gives_the_same_bytes() {
             .run(&format!("bake {{tree}} --ldi 64 --out out --json table.json {options}"))
             .succeeds();
         let model = place.json("table.json")["models"][0].clone();
-        (model["from_cache"] == true, place.read("out/conifer.treeline"))
+        (model["from_cache"] == true, place.read("out/spruce.treeline"))
     };
     let (cached, first) = bake("");
     assert!(!cached && place.files("cache").len() == 1);
@@ -78,7 +78,7 @@ fn a_cache_that_cannot_be_written_is_a_warning_and_the_bake_succeeds() {
         .lines()
         .find(|l| l.contains("WARN") && l.contains("file/cache") && l.contains("not kept"));
     assert!(warning.is_some(), "{}", run.err);
-    assert_eq!(place.files("out"), ["conifer.treeline"]);
+    assert_eq!(place.files("out"), ["spruce.treeline"]);
 }
 
 #[test]
@@ -86,14 +86,14 @@ fn models_of_one_name_do_not_replace_each_other() {
     let place = Workplace::new();
     std::fs::create_dir(place.path("other")).expect("the folder is writable");
     let bytes = std::fs::read(tree("birch.glb")).expect("a tree of this project");
-    place.write("other/conifer.glb", &bytes);
+    place.write("other/spruce.glb", &bytes);
     place.write("birch.1.glb", &bytes);
     place.write("birch.2.glb", &bytes);
-    let run = place.run("bake {tree} other/conifer.glb birch.1.glb birch.2.glb --ldi 32 --out out");
-    run.fails_with(&["other/conifer.glb", "out/conifer.treeline", "another folder with --out"]);
-    assert_eq!(place.files("out"), ["birch.1.treeline", "birch.2.treeline", "conifer.treeline"]);
-    let kept = read_treeline(&place.path("out/conifer.treeline")).expect("a tree");
-    assert_eq!(kept.source.map(|s| s.path.ends_with("assets/trees/conifer.glb")), Some(true));
+    let run = place.run("bake {tree} other/spruce.glb birch.1.glb birch.2.glb --ldi 32 --out out");
+    run.fails_with(&["other/spruce.glb", "out/spruce.treeline", "another folder with --out"]);
+    assert_eq!(place.files("out"), ["birch.1.treeline", "birch.2.treeline", "spruce.treeline"]);
+    let kept = read_treeline(&place.path("out/spruce.treeline")).expect("a tree");
+    assert_eq!(kept.source.map(|s| s.path.ends_with("assets/trees/spruce.glb")), Some(true));
 }
 
 #[test]

@@ -51,7 +51,7 @@ impl Workplace {
 
     /// Runs the tool here with arguments separated by spaces; `{tree}` stands for a small tree of the project.
     fn run_with(&self, arguments: &str, variables: &[(&str, &str)]) -> Run {
-        let tree = tree("conifer.glb");
+        let tree = tree("spruce.glb");
         let output = Command::new(env!("CARGO_BIN_EXE_treeline"))
             .args(
                 arguments.split_whitespace().map(|a| if a == "{tree}" { tree.as_str() } else { a }),

@@ -32,7 +32,7 @@ fn without_an_adapter_a_bake_takes_the_cpu_unless_the_gpu_was_asked_for() {
         place.run_with("bake {tree} --ldi 64 --out out --json table.json", &HIDDEN).succeeds();
     assert!(run.err.contains("peeling on the CPU"), "{}", run.err);
     assert_eq!(place.json("table.json")["models"][0]["backend"], "cpu");
-    assert_eq!(place.files("out"), ["conifer.treeline"]);
+    assert_eq!(place.files("out"), ["spruce.treeline"]);
 
     let run = place.run_with("bake {tree} --ldi 64 --out gpu --peel gpu", &HIDDEN);
     run.fails_with(&["there is no GPU", "install a Vulkan driver"]);

@@ -61,8 +61,8 @@ fn a_headless_view_writes_one_sheet_named_after_the_tree() {
     }
     let place = Workplace::new();
     let run = place.run("view {tree} --headless --ldi 64 --out out").succeeds();
-    assert_eq!(place.files("out"), ["conifer.png"]);
-    let (width, height) = size(&place.path("out/conifer.png"));
+    assert_eq!(place.files("out"), ["spruce.png"]);
+    let (width, height) = size(&place.path("out/spruce.png"));
     assert!(width > 6 * 320 && height > 4 * 100, "{width} × {height}");
     assert!(run.out.contains("triangles") && run.out.contains("d0 is"), "{}", run.out);
 }
@@ -86,7 +86,7 @@ fn a_comparison_writes_pictures_and_a_row_per_distance() {
     assert_eq!(place.files("out"), expected);
 
     let report = place.json("c.json");
-    assert_eq!(report["file"], tree("conifer.glb"));
+    assert_eq!(report["file"], tree("spruce.glb"));
     let d0 = report["d0"].as_f64().expect("d0");
     assert!(d0 > 50.0 && d0 < 1000.0, "{d0}");
     let rows = report["rows"].as_array().expect("rows");

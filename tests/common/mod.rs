@@ -40,10 +40,10 @@ use std::{
 
 /// Trees to draw: name here, file in `assets/trees`, and longest side of their LDIs.
 const TREES: [(&str, &str, u32); 4] = [
-    ("broadleaf", "broadleaf", 128),
+    ("oak", "oak", 128),
     ("birch", "birch", 128),
-    ("conifer", "conifer", 128),
-    ("fine conifer", "conifer", 512),
+    ("spruce", "spruce", 128),
+    ("fine spruce", "spruce", 512),
 ];
 
 /// One of [`TREES`], baked once per test program.

@@ -4,7 +4,7 @@
 //! transform applied. Polygon soups are fine. Cost: linear in the bytes read.
 //!
 //! One reader a format (`gltf`, `obj`, `ply`), each ends in [`check()`]; `images` decodes textures, `normals` makes missing
-//! normals, `leaf` tells foliage from wood, `measure` gives areas and bounds.
+//! normals, `leaf` tells foliage from wood, `measure` gives areas and bounds; `plain` takes grown plants.
 
 use bevy::math::{Mat3, Vec2, Vec3, Vec4};
 use std::io;
@@ -19,6 +19,7 @@ mod measure;
 mod mtl;
 pub mod normals;
 mod obj;
+mod plain;
 mod ply;
 mod uri;
 
@@ -27,6 +28,7 @@ mod data_tests;
 
 pub use check::check;
 pub use error::SourceError;
+pub use plain::model_of_plain_tree;
 
 /// Extensions of the files that can be read, in lower case.
 pub const EXTENSIONS: [&str; 4] = ["glb", "gltf", "obj", "ply"];
@@ -146,7 +148,8 @@ pub struct SourceModel {
     pub images: Vec<SourceImage>,
     /// What was read differently from how the file says it (blended materials, skipped lines and points).
     pub warnings: Vec<String>,
-    /// BLAKE3 of every byte read, external buffers and images included; all zero if not from a file.
+    /// BLAKE3 of every byte read, external buffers and images included, or of a grown plant's vertices; all zero if from
+    /// neither.
     pub content_hash: [u8; 32],
 }
 

@@ -1,7 +1,8 @@
 //! `treeline bake`: models → `.treeline` files, with the columns of the paper's Table 1.
 
-use crate::options::{
-    BakeOptions, ToolError, ToolResult, bake_with_progress, make_folder, write_file,
+use crate::{
+    options::{BakeOptions, ToolError, ToolResult, make_folder, write_file},
+    plant::{PlantOptions, Source},
 };
 use bevy_treeline::{
     asset::{SourceReference, TreeData, write_treeline},
@@ -14,8 +15,13 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 pub struct BakeArgs {
     /// Models: .glb, .gltf, .obj or .ply.
-    #[arg(required = true)]
+    #[arg(required_unless_present = "species")]
     files: Vec<PathBuf>,
+    /// A plant of this species (such as oak), or of a species file (.ron); may be given several times.
+    #[arg(long, value_name = "NAME")]
+    species: Vec<String>,
+    #[command(flatten)]
+    plant: PlantOptions,
     /// Folder for the `.treeline` files.
     #[arg(long, default_value = "out/bake")]
     out: PathBuf,
@@ -78,30 +84,37 @@ fn relative(file: &Path, folder: &Path) -> String {
     up.chain(down).collect::<Vec<_>>().join("/")
 }
 
-/// Where the tree of a model goes: `oak.v2.glb` becomes `oak.v2.treeline`.
-fn output_path(file: &Path, out: &Path) -> PathBuf {
-    let mut name = file.file_stem().unwrap_or(file.as_os_str()).to_owned();
-    name.push(".treeline");
-    out.join(name)
+/// Where the tree of a model goes: `oak.v2.glb` becomes `oak.v2.treeline`, the third oak `oak_3.treeline`.
+fn output_path(source: &Source, out: &Path) -> PathBuf {
+    match source {
+        Source::File(file) => {
+            let mut name = file.file_stem().unwrap_or(file.as_os_str()).to_owned();
+            name.push(".treeline");
+            out.join(name)
+        }
+        Source::Plant { .. } => out.join(format!("{}.treeline", source.stem())),
+    }
 }
 
 /// An error if an earlier model of this run has the same output: no tree is silently replaced by another.
-fn check_output(file: &Path, path: &Path, report: &Report) -> ToolResult {
+fn check_output(source: &Source, path: &Path, report: &Report) -> ToolResult {
     let Some(earlier) = report.models.iter().find(|m| Path::new(&m.output) == path) else {
         return Ok(());
     };
     Err(ToolError::Message(format!(
         "{}: its tree would replace {}, just made from {}; rename one of the models, or bake it into another folder with --out",
-        file.display(),
+        source.label(),
         path.display(),
         earlier.file
     )))
 }
 
-fn write_tree(file: &Path, path: &Path, out: &Path, baked: &Baked) -> ToolResult<u64> {
+fn write_tree(source: &Source, path: &Path, out: &Path, baked: &Baked) -> ToolResult<u64> {
     let mut data = TreeData::clone(&baked.data);
-    data.source =
-        Some(SourceReference { path: relative(file, out), content_hash: baked.model.content_hash });
+    if let Source::File(file) = source {
+        let content_hash = baked.model.content_hash;
+        data.source = Some(SourceReference { path: relative(file, out), content_hash });
+    }
     Ok(write_treeline(path, &data)?)
 }
 
@@ -124,12 +137,23 @@ pub fn run(args: &BakeArgs) -> ToolResult {
         "total",
         "bytes"
     );
-    for file in &args.files {
-        let path = output_path(file, &args.out);
-        let result = check_output(file, &path, &report)
-            .and_then(|()| bake_with_progress(file, &settings, &context))
-            .and_then(|baked| Ok((write_tree(file, &path, &args.out, &baked)?, baked)));
-        let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+    let files = args.files.iter().cloned().map(Source::File);
+    let mut sources: Vec<Source> = files.collect();
+    for name in &args.species {
+        sources.push(Source::plant(name, &args.plant)?);
+    }
+    for source in &sources {
+        let path = output_path(source, &args.out);
+        let result = check_output(source, &path, &report)
+            .and_then(|()| source.bake(&settings, &context))
+            .and_then(|baked| Ok((write_tree(source, &path, &args.out, &baked)?, baked)));
+        let (label, name) = match source {
+            Source::File(file) => (
+                file.to_string_lossy().into_owned(),
+                file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned(),
+            ),
+            Source::Plant { .. } => (source.label(), source.label()),
+        };
         match result {
             Ok((bytes, baked)) => {
                 let s = &baked.data.statistics;
@@ -155,7 +179,7 @@ pub fn run(args: &BakeArgs) -> ToolResult {
                     eprintln!(" WARN {name}: {warning}");
                 }
                 report.models.push(ModelReport {
-                    file: file.to_string_lossy().into_owned(),
+                    file: label,
                     output: path.to_string_lossy().into_owned(),
                     triangles: s.triangles,
                     ldi: s.ldi_size,
@@ -175,8 +199,7 @@ pub fn run(args: &BakeArgs) -> ToolResult {
             }
             Err(error) => {
                 eprintln!("treeline: {error}");
-                let file = file.to_string_lossy().into_owned();
-                report.failed.push(Failure { file, error: error.to_string() });
+                report.failed.push(Failure { file: label, error: error.to_string() });
             }
         }
     }
@@ -190,7 +213,7 @@ pub fn run(args: &BakeArgs) -> ToolResult {
         return Err(ToolError::Message(format!(
             "{} of {} models failed: {}",
             names.len(),
-            args.files.len(),
+            sources.len(),
             names.join(", ")
         )));
     }

@@ -10,6 +10,7 @@ mod headless;
 #[allow(dead_code, reason = "called once fly is rebuilt")]
 mod movie;
 mod options;
+mod plant;
 mod scene;
 mod sheet;
 mod subject;
@@ -33,7 +34,7 @@ struct Args {
 enum Command {
     /// Fly over a forest: in a window, or as frames, a contact sheet and statistics.
     Fly(fly::FlyArgs),
-    /// Look at one tree, as mesh and as points: in a window, or as a contact sheet.
+    /// Look at a model or a plant of a species, as mesh and as points: in a window, or as a contact sheet.
     View(view::ViewArgs),
     /// Bake models to `.treeline` files and print what it took.
     Bake(bake::BakeArgs),

@@ -25,6 +25,8 @@ pub enum ToolError {
     Bake(#[from] BakeError),
     #[error(transparent)]
     File(#[from] bevy_treeline::asset::FileError),
+    #[error(transparent)]
+    Species(#[from] bevy_treeline::species::SpeciesError),
     #[error(
         "cannot write {path}: {error}; choose another folder with --out, or make this one writable"
     )]
@@ -177,16 +179,25 @@ impl BakeOptions {
     }
 }
 
-/// Bakes with a progress bar on standard error.
+/// Bakes a model file with a progress bar on standard error.
 pub fn bake_with_progress(
     path: &Path,
     settings: &BakeSettings,
     context: &BakeContext,
 ) -> ToolResult<Baked> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    with_progress(&name, |progress| bake_file(path, settings, context, progress))
+}
+
+/// Runs a bake with a progress bar on standard error.
+pub fn with_progress(
+    name: &str,
+    bake: impl FnOnce(&(dyn Fn(BakeStage, f32) + Sync)) -> Result<Baked, BakeError>,
+) -> ToolResult<Baked> {
     let bar = ProgressBar::new(1000);
     let style = ProgressStyle::with_template("{prefix:>24} {bar:30} {msg:9} {elapsed}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.set_prefix(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    bar.set_prefix(name.to_owned());
     let progress = |stage: BakeStage, done: f32| {
         let (from, share) = match stage {
             BakeStage::Loading => (0.0, 0.15),
@@ -207,7 +218,7 @@ pub fn bake_with_progress(
         .with_ansi(false)
         .with_writer(move || BesideBar(beside_bar.clone()))
         .set_default();
-    let baked = bake_file(path, settings, context, &progress);
+    let baked = bake(&progress);
     drop(warnings);
     bar.finish_and_clear();
     Ok(baked?)

@@ -1,12 +1,11 @@
-//! `treeline view`: one tree as mesh and as points, in a window or as a contact sheet.
+//! `treeline view`: one tree as mesh and as points, in a window or as a contact sheet; or a gallery of all species.
 
+mod gallery;
 mod window;
 
 use crate::{
-    options::{
-        BakeOptions, SplatPathArg, ToolResult, bake_with_progress, make_folder, parse_quality,
-        write_png,
-    },
+    options::{BakeOptions, SplatPathArg, ToolResult, make_folder, parse_quality, write_png},
+    plant::{PlantOptions, Source},
     sheet::contact_sheet,
     subject::{Shot, Subject, Technique},
 };
@@ -18,7 +17,16 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct ViewArgs {
     /// A model: .glb, .gltf, .obj or .ply.
-    file: PathBuf,
+    #[arg(required_unless_present_any = ["species", "gallery"], conflicts_with_all = ["species", "gallery"])]
+    file: Option<PathBuf>,
+    /// Instead of a model: a plant of this species (such as oak), or of a species file (.ron).
+    #[arg(long, value_name = "NAME")]
+    species: Option<String>,
+    #[command(flatten)]
+    plant: PlantOptions,
+    /// One picture of all species, `gallery.png`.
+    #[arg(long, conflicts_with = "species")]
+    gallery: bool,
     /// No window: write a turntable and a distance sweep as one picture.
     #[arg(long)]
     headless: bool,
@@ -45,15 +53,23 @@ pub fn has_display() -> bool {
 }
 
 pub fn run(args: &ViewArgs) -> ToolResult {
+    if args.gallery {
+        make_folder(&args.out)?;
+        return gallery::run(args);
+    }
+    let source = match (&args.file, &args.species) {
+        (_, Some(name)) => Source::plant(name, &args.plant)?,
+        (file, None) => Source::File(file.clone().unwrap_or_default()),
+    };
     let windowed = !args.headless && has_display();
     if !windowed {
         make_folder(&args.out)?;
     }
-    let baked = bake_with_progress(&args.file, &args.bake.settings(), &args.bake.context()?)?;
+    let baked = source.bake(&args.bake.settings(), &args.bake.context()?)?;
     let data = &baked.data;
     println!(
         "{}: {} triangles, {} points (LDI {}, {} order), surface {:.1}, mean leaf {:.5}",
-        args.file.display(),
+        source.label(),
         data.statistics.triangles,
         data.point_count(),
         data.statistics.ldi_size,
@@ -67,11 +83,11 @@ pub fn run(args: &ViewArgs) -> ToolResult {
     if !args.headless {
         println!("there is no display, so pictures are written (the same as --headless)");
     }
-    sheet(args, &baked)
+    sheet(args, &source.stem(), &baked)
 }
 
 /// Turntable and distance sweep, mesh and points side by side.
-fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
+fn sheet(args: &ViewArgs, name: &str, baked: &Baked) -> ToolResult {
     let settings = bevy_treeline::TreelineSettings { quality: args.quality, ..Default::default() };
     let mut subject = Subject::new(baked, args.splat_path.into(), settings)?;
     let d0 = subject.d0;
@@ -105,7 +121,6 @@ fn sheet(args: &ViewArgs, baked: &Baked) -> ToolResult {
         }
     }
     bar.finish_and_clear();
-    let name = args.file.file_stem().unwrap_or(args.file.as_os_str()).to_string_lossy();
     let path = args.out.join(format!("{name}.png"));
     write_png(&path, &contact_sheet(&cells, 6, 320))?;
     println!("d0 is {d0:.2}; pictures in {}", path.display());
