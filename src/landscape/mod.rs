@@ -5,20 +5,29 @@
 
 pub mod biome;
 mod canopy;
+pub mod daylight;
+pub mod dem;
+mod erosion;
 pub mod flight;
+mod gradient_noise;
 pub mod ground;
+mod height_grid;
 pub mod heightfield;
 pub mod pattern;
 #[cfg(test)]
 mod preview;
 pub mod scatter;
+pub mod terrain;
 
 pub use biome::{Biome, BiomeSettings, Biomes};
+pub use daylight::{Daylight, TimeOfDay};
+pub use dem::{DemError, DemTerrain};
 pub use flight::FlightPath;
 pub use ground::{Ground, Site};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use pattern::ForestPattern;
 pub use scatter::{ScatterError, ScatterSettings, ScatteredTree, scatter};
+pub use terrain::{NoiseTerrain, TerrainError, TerrainSettings, Water};
 
 use crate::math::hash::SplitMix64;
 use noise::{Fbm, MultiFractal, NoiseFn, Perlin};
