@@ -5,6 +5,7 @@
 
 pub mod biome;
 mod canopy;
+pub mod chunk;
 pub mod daylight;
 pub mod dem;
 mod erosion;
@@ -13,10 +14,14 @@ mod gradient_noise;
 pub mod ground;
 mod height_grid;
 pub mod heightfield;
+mod paint;
 pub mod pattern;
 #[cfg(test)]
 mod preview;
+pub mod quadtree;
 pub mod scatter;
+pub mod shade;
+pub mod sunlight;
 pub mod terrain;
 
 pub use biome::{Biome, BiomeSettings, Biomes};
@@ -27,6 +32,7 @@ pub use ground::{Ground, Site};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use pattern::ForestPattern;
 pub use scatter::{ScatterError, ScatterSettings, ScatteredTree, scatter};
+pub use shade::{Crown, ShadeSource};
 pub use terrain::{NoiseTerrain, TerrainError, TerrainSettings, Water};
 
 use crate::math::hash::SplitMix64;
