@@ -83,14 +83,14 @@ impl Daylight {
         };
         let illuminance = light.max_element();
         let light_color = if illuminance > 0.0 { light / illuminance } else { Vec3::ONE };
-        let zenith = Vec3::new(0.0045, 0.0075, 0.021)
-            .lerp(Vec3::new(0.30, 0.72, 1.85), day)
-            .lerp(Vec3::new(0.26, 0.40, 0.80), low * 0.6);
-        let horizon = Vec3::new(0.010, 0.015, 0.034)
-            .lerp(Vec3::new(1.75, 2.35, 3.05), day)
-            .lerp(Vec3::new(1.9, 1.12, 0.72), low * 0.72);
+        let zenith = Vec3::new(0.0035, 0.006, 0.016)
+            .lerp(Vec3::new(0.13, 0.29, 0.66), day)
+            .lerp(Vec3::new(0.12, 0.19, 0.38), low * 0.6);
+        let horizon = Vec3::new(0.007, 0.011, 0.024)
+            .lerp(Vec3::new(0.58, 0.76, 0.96), day)
+            .lerp(Vec3::new(0.78, 0.50, 0.34), low * 0.72);
         let glow = Vec3::new(1.0, 0.93, 0.78).lerp(Vec3::new(1.0, 0.42, 0.12), low.sqrt())
-            * (0.9 * day).max(2.6 * low)
+            * (0.32 * day).max(1.0 * low)
             * (1.0 - night);
         let ambient = zenith * 0.55 + horizon * 0.45;
         let brightest = ambient.max_element();
@@ -102,7 +102,7 @@ impl Daylight {
             light_color,
             illuminance,
             ambient_color,
-            ambient_brightness: 620.0 * brightest.powf(0.85) + 34.0 * night,
+            ambient_brightness: 700.0 * brightest.powf(0.85) + 34.0 * night,
             zenith,
             horizon,
             glow,

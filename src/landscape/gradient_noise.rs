@@ -18,13 +18,23 @@ pub(super) struct Sample {
 /// Noise of wavelength 1. Coordinates beyond ±2³¹ are clamped.
 pub(super) fn noise(at: Vec2, seed: u32) -> Sample {
     let cell = at.floor();
-    let f = at - cell;
     let (x, y) = (cell.x as i32 as u32, cell.y as i32 as u32);
+    in_cell(at - cell, [x, x.wrapping_add(1)], [y, y.wrapping_add(1)], seed)
+}
+
+/// Noise that repeats: `waves` wavelengths from 0 to 1. The slope is per wavelength.
+pub(super) fn tiling(at: Vec2, waves: u32, seed: u32) -> Sample {
+    let at = at * waves as f32;
+    let cell = at.floor();
+    let wrap = |v: f32| [v as u32 % waves, (v as u32 + 1) % waves];
+    in_cell(at - cell, wrap(cell.x), wrap(cell.y), seed)
+}
+
+fn in_cell(f: Vec2, x: [u32; 2], y: [u32; 2], seed: u32) -> Sample {
     let fade = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
     let rise = f * f * (f * (f * 30.0 - 60.0) + 30.0);
-    let (g00, g10) = (gradient(x, y, seed), gradient(x.wrapping_add(1), y, seed));
-    let (g01, g11) =
-        (gradient(x, y.wrapping_add(1), seed), gradient(x.wrapping_add(1), y.wrapping_add(1), seed));
+    let (g00, g10) = (gradient(x[0], y[0], seed), gradient(x[1], y[0], seed));
+    let (g01, g11) = (gradient(x[0], y[1], seed), gradient(x[1], y[1], seed));
     let a = g00.dot(f);
     let b = g10.dot(f - Vec2::X);
     let c = g01.dot(f - Vec2::Y);

@@ -29,12 +29,8 @@ impl HeightGrid {
         [fold(f32::INFINITY, f32::min), fold(f32::NEG_INFINITY, f32::max)]
     }
 
-    /// At `x` posts from the first column and `z` posts from the first row; clamped to the grid.
-    pub fn at(&self, x: f32, z: f32, cubic: Cubic) -> f32 {
-        self.with_slope(x, z, cubic)[0]
-    }
-
-    /// Value and its derivatives by x and z, per post.
+    /// Value and its derivatives by x and z per post, at `x` posts from the first column and `z` posts from the first
+    /// row; clamped to the grid.
     pub fn with_slope(&self, x: f32, z: f32, cubic: Cubic) -> [f32; 3] {
         let (ix, fx) = split(x, self.columns);
         let (iz, fz) = split(z, self.rows);
@@ -125,7 +121,7 @@ mod tests {
         }
         let rough = HeightGrid::new(8, 8, |x, z| ((x * 7 + z * 13) % 5) as f32);
         for (i, post) in rough.posts.iter().enumerate() {
-            let value = rough.at((i % 8) as f32, (i / 8) as f32, Cubic::CatmullRom);
+            let value = rough.with_slope((i % 8) as f32, (i / 8) as f32, Cubic::CatmullRom)[0];
             assert!((value - post).abs() < 1e-5, "post {i}: {value} for {post}");
         }
         assert_eq!(rough.bilinear(f32::MAX, -5.0), rough.posts[7]);

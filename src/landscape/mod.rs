@@ -8,6 +8,7 @@ mod canopy;
 pub mod chunk;
 pub mod daylight;
 pub mod dem;
+pub mod draw;
 mod erosion;
 pub mod flight;
 mod gradient_noise;

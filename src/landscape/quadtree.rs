@@ -87,6 +87,8 @@ pub struct Cut {
     pub drawn: Vec<ChunkKey>,
     /// What is missing for the wanted cut and the way to it, most urgent first.
     pub missing: Vec<ChunkKey>,
+    /// Of the wanted cut and the way to it: not to be thrown away.
+    pub used: Vec<ChunkKey>,
     /// The wanted cut is drawn.
     pub complete: bool,
 }
@@ -186,13 +188,14 @@ impl Quadtree {
         splits: &[f32; MOST_LEVELS],
         ready: &dyn Fn(ChunkKey) -> bool,
     ) -> Cut {
-        let mut walk = Walk { tree: self, eyes, splits, ready, missing: Vec::new() };
+        let mut walk = Walk { tree: self, eyes, splits, ready, missing: Vec::new(), used: Vec::new() };
         let mut cut = Cut::default();
         let root = self.root();
         cut.complete = walk.want(root);
         walk.draw(root, &mut cut.drawn);
         // Urgent is what is large on the screen; keys break ties, so that the order is the same every time.
         walk.missing.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
+        cut.used = walk.used;
         cut.missing = walk.missing.into_iter().map(|(_, key)| key).collect();
         cut
     }
@@ -204,6 +207,7 @@ struct Walk<'a> {
     splits: &'a [f32; MOST_LEVELS],
     ready: &'a dyn Fn(ChunkKey) -> bool,
     missing: Vec<(f32, ChunkKey)>,
+    used: Vec<ChunkKey>,
 }
 
 impl Walk<'_> {
@@ -215,6 +219,7 @@ impl Walk<'_> {
     /// Notes what is missing; true if the wanted cut is ready.
     fn want(&mut self, key: ChunkKey) -> bool {
         let children = self.children(key);
+        self.used.push(key);
         if !(self.ready)(key) {
             let chunk = self.tree.chunk_m(key.level.into());
             self.missing.push((chunk / self.tree.distance(key, self.eyes).max(1.0), key));
