@@ -65,6 +65,14 @@ shader_files! {
     DEBUG_VIEW = "resolve/debug_view.wgsl",
     /// Lights what the visibility buffer holds.
     RESOLVE = "resolve/resolve.wgsl",
+    /// Bindings, sky and haze of landscapes.
+    LANDSCAPE = "landscape/bindings.wgsl",
+    /// Ground and water.
+    GROUND = "landscape/ground.wgsl",
+    /// Ground in prepasses and shadow maps.
+    GROUND_PREPASS = "landscape/ground_prepass.wgsl",
+    /// Clear sky.
+    SKY = "landscape/sky.wgsl",
 }
 
 /// The importable modules. A handle each, because an import resolves only while its module is loaded.

@@ -62,7 +62,9 @@ const LAYERS: &[Layer] = &[
     // Asks which prepasses a camera has.
     Layer { at: "forest/near_mesh", may_name: &["math", "lod", "asset", "bake", "gpu::types"], may_not: &["bevy::render", "wgpu"] },
     Layer { at: "forest/settings", may_name: &["math", "lod"], may_not: NO_GPU_WORK },
-    Layer { at: "landscape", may_name: &["math"], may_not: RENDERER },
+    Layer { at: "landscape", may_name: &["math"], may_not: ENGINE },
+    // Materials of its own, which bind GPU resources.
+    Layer { at: "landscape/draw", may_name: &["math", "shaders"], may_not: &[] },
     // L3
     Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest"], may_not: &[] },
     Layer { at: "diagnostics", may_name: &["forest", "render"], may_not: RENDERER },

@@ -4,18 +4,38 @@
 //! `flight` (a closed camera path past, between and over them). All pure and seeded; no randomness but the seeds.
 
 pub mod biome;
+pub mod chunk;
+pub mod daylight;
+pub mod dem;
+pub mod draw;
+mod erosion;
 pub mod flight;
+mod gradient_noise;
 pub mod ground;
+mod height_grid;
 pub mod heightfield;
+mod paint;
 pub mod pattern;
+pub mod quadtree;
 pub mod scatter;
+pub mod shade;
+pub mod sunlight;
+pub mod terrain;
 
 pub use biome::{Biome, BiomeSettings, Biomes};
+pub use daylight::{Daylight, TimeOfDay};
+pub use dem::{DemError, DemTerrain};
+pub use draw::{
+    Landscape, Sky, SkyKind, SkySupport, Sun, TerrainCounters, TerrainLod, TerrainPlugin,
+    TerrainSystems,
+};
 pub use flight::{Crown, CrownSource, FlightPath, FlightSettings, Role};
 pub use ground::{Ground, Site};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use pattern::ForestPattern;
 pub use scatter::{ScatterError, ScatterSettings, ScatteredTree, scatter};
+pub use shade::ShadeSource;
+pub use terrain::{NoiseTerrain, TerrainError, TerrainSettings, Water};
 
 use crate::math::hash::SplitMix64;
 use noise::{Fbm, MultiFractal, NoiseFn, Perlin};
