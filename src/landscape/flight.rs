@@ -319,14 +319,22 @@ fn smoothed(values: &[f32], half: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::landscape::{ScatterSettings, scatter};
+    use crate::landscape::{
+        BiomeSettings, Biomes, Scatter, ScatterSettings, ScatterSpecies, TreeAmount,
+    };
     use proptest::prelude::*;
+    use std::sync::Arc;
 
     fn forest(side_m: f32, count: usize, seed: u64) -> (Heightfield, Vec<ScatteredTree>) {
         let field = Heightfield::rolling(side_m, 128, seed);
-        let trees = scatter(&field, &ScatterSettings { count, seed, ..ScatterSettings::default() })
-            .expect("room");
-        (field, trees)
+        let biomes =
+            Arc::new(Biomes::new(&field, &BiomeSettings { seed, ..BiomeSettings::default() }));
+        let amount = TreeAmount::Total(count as u64);
+        let settings = ScatterSettings { amount, seed, ..ScatterSettings::default() };
+        let species = vec![ScatterSpecies::new("tree", 16.0, 4.0)];
+        let scatter =
+            Scatter::new(Arc::new(field.clone()), biomes, species, settings).expect("room");
+        (field, scatter.tiles().flat_map(|t| scatter.tile(t)).collect())
     }
 
     #[test]

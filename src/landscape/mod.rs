@@ -1,24 +1,44 @@
 //! L2, feature `landscape`: ground, forest and camera path for demos, tests and games that have none of their own.
 //!
-//! `heightfield` (hills and their mesh) → `pattern` (where forest grows) → `scatter` (trees that stand on the ground) →
-//! `flight` (a closed camera path past and over them). All pure and seeded; no randomness but the seeds.
+//! `ground` (any heights) → `biome` and `pattern` (where forest grows) → `scatter` (plants, tile by tile) → `planted` (with
+//! edits by hand) → `flight` (a closed camera path past and over them). All pure and seeded.
 
+mod amount;
 pub mod biome;
+mod blue_noise;
 mod canopy;
+pub mod edits;
 pub mod flight;
 pub mod ground;
+pub mod habitat;
 pub mod heightfield;
+pub mod mesh_ground;
 pub mod pattern;
+pub mod planted;
 #[cfg(test)]
-mod preview;
+mod planted_tests;
+mod planter;
 pub mod scatter;
+mod scatter_on;
+#[cfg(test)]
+mod scatter_tests;
+mod stand;
+#[cfg(test)]
+mod test_ground;
 
 pub use biome::{Biome, BiomeSettings, Biomes};
+pub use edits::{ForestEdits, TreeId};
 pub use flight::FlightPath;
 pub use ground::{Ground, Site};
+pub use habitat::{Habitat, PlantKind};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
+pub use mesh_ground::{MeshGround, MeshGroundError};
 pub use pattern::ForestPattern;
-pub use scatter::{ScatterError, ScatterSettings, ScatteredTree, scatter};
+pub use planted::{EditError, FoundTree, GroundMark, PlantedForest, SavedForest, TilePlan};
+pub use scatter::{
+    Scatter, ScatterError, ScatterSettings, ScatterSpecies, ScatteredTree, TreeAmount,
+};
+pub use scatter_on::{GroundPoint, scatter_on};
 
 use crate::math::hash::SplitMix64;
 use noise::{Fbm, MultiFractal, NoiseFn, Perlin};

@@ -15,11 +15,11 @@ use bevy_treeline::{
     Forest, TreeInstance, TreelineSettings,
     bake::Baked,
     landscape::{
-        flight::FlightPath,
-        heightfield::Heightfield,
-        scatter::{ScatterSettings, scatter},
+        BiomeSettings, Biomes, FlightPath, Heightfield, Scatter, ScatterSettings, ScatterSpecies,
+        ScatteredTree, TreeAmount,
     },
 };
+use std::sync::Arc;
 
 /// The way of the camera.
 #[derive(Resource)]
@@ -40,22 +40,33 @@ pub fn build(world: &mut World, args: &FlyArgs, baked: &[Baked]) -> ToolResult {
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(soil);
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Name::new("ground")));
 
-    let settings =
-        ScatterSettings { count: args.count, species: baked.len(), seed: args.seed, ..default() };
-    let places =
-        scatter(&field, &settings).map_err(|error| ToolError::Message(error.to_string()))?;
     // Models of any unit get the height asked for; the ground is in metres.
     let units: Vec<f32> = baked
         .iter()
         .map(|b| b.data.bounds.extent().y)
         .map(|height| if args.height > 0.0 && height > 0.0 { args.height / height } else { 1.0 })
         .collect();
+    let settings = ScatterSettings {
+        amount: TreeAmount::Total(args.count as u64),
+        seed: args.seed,
+        ..default()
+    };
+    let kinds = std::iter::zip(baked, &units).map(|(b, unit)| {
+        let [x, y, z] = b.data.bounds.extent().to_array().map(|v| v * unit);
+        ScatterSpecies::new("tree", y.max(0.1), (0.25 * (x + z)).max(0.1))
+    });
+    let biomes = BiomeSettings { seed: args.seed, ..default() };
+    let biomes = biomes.for_trees(args.count as u64, args.side);
+    let biomes = Arc::new(Biomes::new(&field, &biomes));
+    let scatter = Scatter::new(Arc::new(field.clone()), biomes, kinds.collect(), settings)
+        .map_err(|error| ToolError::Message(error.to_string()))?;
+    let places: Vec<ScatteredTree> = scatter.tiles().flat_map(|t| scatter.tile(t)).collect();
     let trees = places.iter().map(|place| TreeInstance {
         position: place.position,
-        rotation: Quat::from_rotation_y(place.yaw),
-        scale: place.scale * units[place.species],
-        species: place.species as u16,
-        tint: [place.tint[0], place.tint[1], place.tint[2]].map(|t| t.div_ceil(2)),
+        rotation: place.rotation,
+        scale: place.scale * units[usize::from(place.species)],
+        species: place.species,
+        tint: place.tint,
         seed: place.seed,
     });
     let species: Vec<_> = baked.iter().map(|b| scene::add_tree(world, b, true)).collect();
