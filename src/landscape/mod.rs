@@ -1,26 +1,43 @@
-//! L2, feature `landscape`: ground, forest and camera path for demos, tests and games that have none of their own.
+//! L2, feature `landscape`: ground, forest and camera path for games, demos and tests.
 //!
-//! `heightfield` (hills and their mesh) → `pattern` (where forest grows) → `scatter` (trees that stand on the ground) →
-//! `flight` (a closed camera path past, between and over them). All pure and seeded; no randomness but the seeds.
+//! `ground` (any heights: `terrain`, `dem`, `heightfield`, `mesh_ground`) → `biome` (what grows where) → `scatter` (plants,
+//! tile by tile) → `planted` (with edits by hand) → `flight` (a closed camera path past, between and over them). All of
+//! these are pure and seeded. `draw` streams ground, water and sky around the cameras, `planting` the plants.
 
+mod amount;
 pub mod biome;
+mod blue_noise;
 pub mod chunk;
 pub mod daylight;
 pub mod dem;
 pub mod draw;
+pub mod edits;
 mod erosion;
 pub mod flight;
+mod forest_shade;
 mod gradient_noise;
 pub mod ground;
+pub mod habitat;
 mod height_grid;
 pub mod heightfield;
+pub mod mesh_ground;
 mod paint;
 pub mod pattern;
+pub mod planted;
+#[cfg(test)]
+mod planted_tests;
+mod planter;
 pub mod quadtree;
 pub mod scatter;
+mod scatter_on;
+#[cfg(test)]
+mod scatter_tests;
 pub mod shade;
+mod stand;
 pub mod sunlight;
 pub mod terrain;
+#[cfg(test)]
+mod test_ground;
 
 pub use biome::{Biome, BiomeSettings, Biomes};
 pub use daylight::{Daylight, TimeOfDay};
@@ -29,11 +46,19 @@ pub use draw::{
     Landscape, Sky, SkyKind, SkySupport, Sun, TerrainCounters, TerrainLod, TerrainPlugin,
     TerrainSystems,
 };
+pub use edits::{ForestEdits, TreeId};
 pub use flight::{Crown, CrownSource, FlightPath, FlightSettings, Role};
+pub use forest_shade::ForestShade;
 pub use ground::{Ground, Site};
+pub use habitat::{Habitat, PlantKind};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
+pub use mesh_ground::{MeshGround, MeshGroundError};
 pub use pattern::ForestPattern;
-pub use scatter::{ScatterError, ScatterSettings, ScatteredTree, scatter};
+pub use planted::{EditError, FoundTree, GroundMark, PlantedForest, SavedForest, TilePlan};
+pub use scatter::{
+    Scatter, ScatterError, ScatterSettings, ScatterSpecies, ScatteredTree, TreeAmount,
+};
+pub use scatter_on::{GroundPoint, scatter_on};
 pub use shade::ShadeSource;
 pub use terrain::{NoiseTerrain, TerrainError, TerrainSettings, Water};
 

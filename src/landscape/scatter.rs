@@ -1,68 +1,106 @@
-//! Trees on the ground: a heightfield and settings in, a list of trees out. O(area / spacing² + sites log sites).
+//! Trees, shrubs and ground cover of a landscape, tile by tile: ground, biomes, species and an amount in, plants out.
 //!
-//! Sites are a Poisson-disc set by dart throwing on a grid in phases (after Wei 2008, "Parallel Poisson Disk Sampling",
-//! section 3): cells of one phase cannot conflict, so the set does not depend on the order within it. The forest pattern
-//! then ranks the sites and the best `count` get a tree: patches fill before meadows, with ragged edges and lone trees.
+//! `blue_noise` (places that keep their distance) → `stand` (densities by biome and habitat) → `amount` (how dense, for a
+//! total) → `planter` (a plant at a place). A tile depends on its number, the seed and the ground alone: any order, any
+//! thread, neighbours or not. O(places of the grid + candidates) a tile.
 
-use super::{Field, ForestPattern, Heightfield};
-use crate::math::hash::{SplitMix64, mix_bits};
-use bevy::math::{Vec2, Vec3};
-use rayon::prelude::*;
+use super::{
+    Biomes, Ground, Habitat, PlantKind, Site,
+    amount::{self, Amount},
+    blue_noise::{BlueNoise, LEAST_SIDE},
+    planter::Planter,
+    stand::{Layer, Stands},
+};
+use bevy::math::{IVec2, Quat, Vec3};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use thiserror::Error;
 
-/// Darts a cell. Sites per spacing²: 0.61 with 6, 0.64 with 12, 0.66 with 24, 0.67 with 40 (all that fit: 0.70).
-const ROUNDS: u32 = 12;
-/// A phase is every third cell in x and z: points of two such cells are further apart than the spacing.
-const PHASE: i32 = 3;
-/// The most cells a side of the dart grid; the spacing is widened if the ground would need more.
-const MOST_GRID_CELLS: f32 = 8_192.0;
+/// The least distance between trunks in metres, if none is asked for and trunks are thin.
+const SPACING_M: f32 = 1.6;
 
-/// How trees are scattered.
-#[derive(Clone, Debug, PartialEq)]
+/// A species as scattering knows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScatterSpecies {
+    /// For messages and saved forests.
+    pub name: String,
+    /// Where it grows and how.
+    pub habitat: Habitat,
+    /// Of a plant of scale 1, metres, > 0.
+    pub height_m: f32,
+    /// Of a plant of scale 1, metres, > 0.
+    pub crown_radius_m: f32,
+}
+
+impl ScatterSpecies {
+    /// A species with the habitat of the preset of that name, else that of any tree.
+    pub fn new(name: &str, height_m: f32, crown_radius_m: f32) -> Self {
+        let habitat = Habitat::of(name).unwrap_or_default();
+        Self { name: name.to_owned(), habitat, height_m, crown_radius_m }
+    }
+}
+
+/// How many trees, shrubs included, ground cover not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum TreeAmount {
+    /// On the whole ground, met within 3 %; ≥ 1.
+    Total(u64),
+    /// On a hectare of closed forest of middle age, > 0.
+    PerHectare(f32),
+}
+
+/// How plants are scattered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScatterSettings {
-    /// Trees, exactly. Default: 2,000.
-    pub count: usize,
-    /// Smallest distance between two trunks in metres, ≥ 0.5. Default: 3.6.
-    pub spacing_m: f32,
-    /// Size of a forest patch in metres. Default: 180.
-    pub patch_m: f32,
-    /// No trees on steeper ground, in degrees. Default: 32.
-    pub max_slope_deg: f32,
-    /// Smallest and largest scale of a tree. Default: 0.7 to 1.3.
-    pub scale: [f32; 2],
-    /// Number of species, ≥ 1; 0 prefers low ground, the last high ground. Default: 3.
-    pub species: usize,
-    /// Seed of everything. Default: 1.
+    /// Of all chance. Default: 1.
     pub seed: u64,
+    /// Default: 450 per hectare of forest.
+    pub amount: TreeAmount,
+    /// 0 summer to 1 late autumn; each tree turns at its own time. Default: 0.
+    pub season: f32,
+    /// Side of a tile of trees in metres, 16 to 4,096. Default: 256.
+    pub tile_m: f32,
+    /// Side of a tile of ground cover in metres, 8 to 1,024. Default: 32.
+    pub cover_tile_m: f32,
+    /// Ground cover on a square metre of full meadow, 0 (none) to 20. Default: 0.8.
+    pub cover_per_m2: f32,
+    /// Least distance between trunks in metres, 0.3 to 100. Default (`None`): 1.6, more where trunks are thicker. Trunks
+    /// never overlap, whatever is asked for.
+    pub spacing_m: Option<f32>,
+    /// Memory that all trees of the ground may take, at 64 bytes each. Default: 2 GiB.
+    pub max_bytes: u64,
 }
 
 impl Default for ScatterSettings {
     fn default() -> Self {
         Self {
-            count: 2_000,
-            spacing_m: 3.6,
-            patch_m: 180.0,
-            max_slope_deg: 32.0,
-            scale: [0.7, 1.3],
-            species: 3,
             seed: 1,
+            amount: TreeAmount::PerHectare(450.0),
+            season: 0.0,
+            tile_m: 256.0,
+            cover_tile_m: 32.0,
+            cover_per_m2: 0.8,
+            spacing_m: None,
+            max_bytes: 2 << 30,
         }
     }
 }
 
-/// A place for a tree.
+/// A plant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScatteredTree {
     /// Foot of the trunk: on the ground, a few centimetres into it, more on slopes.
     pub position: Vec3,
-    /// Turn around y in radians, 0 to 2π.
-    pub yaw: f32,
-    /// Uniform scale.
+    /// Turned about the trunk, leaning a little.
+    pub rotation: Quat,
+    /// Uniform; 1 is the species' height.
     pub scale: f32,
-    /// Index of the species, below [`ScatterSettings::species`].
-    pub species: usize,
-    /// Multiplied with the tree's colours, 255 is 1; alpha 255.
-    pub tint: [u8; 4],
+    /// Index of the species.
+    pub species: u16,
+    /// Colour factor per channel, 128 = unchanged.
+    pub tint: [u8; 3],
+    /// 0 green to 1 turned: the season by this tree's own calendar. 0 for evergreens.
+    pub autumn: f32,
     /// Random bits for everything else that differs from tree to tree.
     pub seed: u8,
 }
@@ -70,20 +108,42 @@ pub struct ScatteredTree {
 /// Why trees could not be scattered.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ScatterError {
+    /// A total of 0.
+    #[error("scatter: a total of 0 trees was asked for; ask for at least 1")]
+    None,
     /// There is no room for so many.
     #[error(
-        "scatter: {requested} trees at least {spacing_m} m apart do not fit on {side_m} m x {side_m} m of ground, {fits} do; \
-         ask for at most that many, lower the spacing or enlarge the ground"
+        "scatter: {requested} trees do not fit on this ground with its forests and this spacing, {fits} do; \
+         ask for at most that many, lower the spacing or enlarge ground or forests"
     )]
     Room {
         /// Trees asked for.
-        requested: usize,
+        requested: u64,
         /// Trees that fit.
-        fits: usize,
-        /// The spacing in force.
-        spacing_m: f32,
-        /// Side of the ground.
-        side_m: f32,
+        fits: u64,
+    },
+    /// A hectare has no room for so many.
+    #[error(
+        "scatter: {requested} trees do not fit on a hectare with this spacing, {fits} do; ask for at most that many or lower the spacing"
+    )]
+    Density {
+        /// Trees per hectare asked for.
+        requested: f32,
+        /// Trees that fit.
+        fits: f32,
+    },
+    /// Memory would not suffice.
+    #[error(
+        "scatter: {requested} trees take more than the {max_bytes} bytes allowed (max_bytes), which hold {fits}; \
+         ask for at most that many or allow more"
+    )]
+    Memory {
+        /// Trees asked for, or that the density comes to.
+        requested: u64,
+        /// Trees that fit.
+        fits: u64,
+        /// The bound in force.
+        max_bytes: u64,
     },
     /// A setting cannot be used.
     #[error("scatter: {what} is {value}; it must be {must}")]
@@ -95,302 +155,208 @@ pub enum ScatterError {
         /// What it must be.
         must: &'static str,
     },
+    /// A species cannot be used.
+    #[error("scatter: {what} of species `{name}` is {value}; it must be {must}")]
+    Species {
+        /// Which species.
+        name: String,
+        /// Which value.
+        what: &'static str,
+        /// What it is.
+        value: f32,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// There is nothing to scatter.
+    #[error(
+        "scatter: none of the {given} species is a tree or shrub; give at least one, at most 65535 in all"
+    )]
+    NoSpecies {
+        /// Species given.
+        given: usize,
+    },
 }
 
-/// Scatters exactly `settings.count` trees, sorted by site (rows of the dart grid, so neighbours lie close in the list).
-///
-/// # Errors
-/// [`ScatterError::Room`] with the number that fits, or [`ScatterError::Setting`] for a spacing, scale or species
-/// that cannot be used.
-pub fn scatter(
-    field: &Heightfield,
-    settings: &ScatterSettings,
-) -> Result<Vec<ScatteredTree>, ScatterError> {
-    check(settings)?;
-    let steepest = settings.max_slope_deg.to_radians();
-    let sites: Vec<Vec2> = poisson_sites(field.side_m(), settings.spacing_m, settings.seed)
-        .into_par_iter()
-        .filter(|site| field.slope(site.x, site.y) <= steepest)
-        .collect();
-    if sites.len() < settings.count {
-        return Err(ScatterError::Room {
-            requested: settings.count,
-            fits: sites.len(),
-            spacing_m: settings.spacing_m,
-            side_m: field.side_m(),
+/// All plants of a ground, made tile by tile. Cheap to clone, immutable, for any thread.
+#[derive(Clone)]
+pub struct Scatter {
+    trees: Arc<Planter>,
+    cover: Option<Arc<Planter>>,
+    settings: ScatterSettings,
+    amount: Amount,
+}
+
+impl Scatter {
+    /// Prepares scattering: builds the pattern and finds the density for the amount. Below a second for 64 km too.
+    ///
+    /// # Errors
+    /// [`ScatterError`]: amounts of 0 or that do not fit, settings and species that cannot be used.
+    pub fn new(
+        ground: Arc<dyn Ground>,
+        biomes: Arc<Biomes>,
+        species: Vec<ScatterSpecies>,
+        settings: ScatterSettings,
+    ) -> Result<Self, ScatterError> {
+        check(&species, &settings)?;
+        let species: Arc<[ScatterSpecies]> = species.into();
+        let seed = settings.seed;
+        let stands = |layer| {
+            Stands::new(Arc::clone(&ground), Arc::clone(&biomes), Arc::clone(&species), layer, seed)
+        };
+        let widest =
+            |s: &ScatterSpecies| 2.0 * s.habitat.trunk_share * s.height_m * s.habitat.scale[1];
+        let trunks = species.iter().map(widest).fold(0.0, f32::max);
+        // A little more: positions are rounded.
+        let spacing_m = settings.spacing_m.unwrap_or(SPACING_M).max(1.02 * trunks);
+        // A tile holds several of the widest discs.
+        let tile_m = settings.tile_m.max(LEAST_SIDE * spacing_m);
+        let trees = Arc::new(Planter::new(
+            stands(Layer::Trees),
+            BlueNoise::new(tile_m, spacing_m, seed),
+            tile_m,
+            Layer::Trees,
+            seed,
+        ));
+        let has_cover = species.iter().any(|s| s.habitat.kind == PlantKind::Cover);
+        let cover = (has_cover && settings.cover_per_m2 > 0.0).then(|| {
+            // Half again as dense as a full meadow, for its patches.
+            let spacing_m = (0.58 / (1.5 * settings.cover_per_m2)).sqrt();
+            let tile_m = settings.cover_tile_m.max(LEAST_SIDE * spacing_m);
+            let pattern = BlueNoise::new(tile_m, spacing_m, seed ^ 0xC0FE);
+            Arc::new(Planter::new(stands(Layer::Cover), pattern, tile_m, Layer::Cover, seed))
         });
+        let tiles: Vec<IVec2> = tiles(ground.side_m(), tile_m).collect();
+        let amount = amount::resolve(&trees, settings.amount, settings.max_bytes, &tiles)?;
+        Ok(Self { trees, cover, settings, amount })
     }
-    let pattern = ForestPattern::new(settings.seed, settings.patch_m);
-    let mut ranked: Vec<(f32, u32)> = sites
-        .par_iter()
-        .enumerate()
-        .map(|(i, site)| {
-            let mut rng = site_rng(settings.seed, *site);
-            // Noise in the rank makes edges ragged and thins the stand; one site in forty may stand alone in a meadow.
-            let lone = if rng.next_f32() < 0.025 { rng.range(0.1, 0.6) } else { 0.0 };
-            (pattern.forestness(site.x, site.y) + rng.range(-0.13, 0.13) + lone, i as u32)
+
+    /// The same plants at another time of the year. O(1).
+    pub fn with_season(&self, season: f32) -> Self {
+        let season = if season.is_nan() { 0.0 } else { season.clamp(0.0, 1.0) };
+        Self { settings: ScatterSettings { season, ..self.settings.clone() }, ..self.clone() }
+    }
+
+    /// Trees and shrubs of a tile, in a fixed order: those with x and z from `tile` to `tile + 1` times
+    /// [`Self::tile_size_m`]. Empty beyond the ground.
+    pub fn tile(&self, tile: IVec2) -> Vec<ScatteredTree> {
+        self.trees.tile(tile, self.amount.per_m2, self.settings.season)
+    }
+
+    /// Ground cover of one of the smaller tiles of [`Self::cover_tile_size_m`].
+    pub fn cover_tile(&self, tile: IVec2) -> Vec<ScatteredTree> {
+        self.cover.as_ref().map_or(vec![], |cover| {
+            cover.tile(tile, self.settings.cover_per_m2, self.settings.season)
         })
-        .collect();
-    if settings.count < ranked.len() {
-        ranked
-            .select_nth_unstable_by(settings.count, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        ranked.truncate(settings.count);
     }
-    ranked.sort_unstable_by_key(|&(_, site)| site);
-    let planter = Planter::new(field, settings);
-    Ok(ranked.into_par_iter().map(|(_, site)| planter.plant(sites[site as usize])).collect())
+
+    /// Side of a tile in metres: as set, more where the spacing is wide.
+    pub fn tile_size_m(&self) -> f32 {
+        self.trees.tile_m
+    }
+
+    /// Side of a tile of ground cover in metres.
+    pub fn cover_tile_size_m(&self) -> f32 {
+        self.cover.as_ref().map_or(self.settings.cover_tile_m, |cover| cover.tile_m)
+    }
+
+    /// First and last tile that meet the ground, in x and z.
+    pub fn tile_range(&self) -> [IVec2; 2] {
+        tile_range(self.ground().side_m(), self.tile_size_m())
+    }
+
+    /// All tiles that meet the ground, by rows.
+    pub fn tiles(&self) -> impl Iterator<Item = IVec2> + use<> {
+        tiles(self.ground().side_m(), self.tile_size_m())
+    }
+
+    /// Trees and shrubs of all tiles together, within 3 %.
+    pub fn expected_trees(&self) -> f64 {
+        self.amount.expected
+    }
+
+    /// Trees and shrubs per hectare of closed forest of middle age.
+    pub fn per_hectare(&self) -> f32 {
+        self.amount.per_m2 * 1e4
+    }
+
+    /// Share of the ground at (x, z) that crowns are expected to cover, 0 to 1. O(octaves · species).
+    pub fn canopy_cover(&self, x: f32, z: f32) -> f32 {
+        self.canopy_cover_of(x, z, &self.ground().site(x, z))
+    }
+
+    /// [`Self::canopy_cover`] where the site is known.
+    pub fn canopy_cover_of(&self, x: f32, z: f32, site: &Site) -> f32 {
+        let stands = &self.trees.stands;
+        let mut shares = vec![0.0; stands.members.len()];
+        let spot = stands.at_site(x, z, site, &mut shares);
+        let per_m2 =
+            self.amount.per_m2.min(self.trees.most_per_m2(spot.density) / spot.density.max(1e-9));
+        let crowns = stands.members.iter().zip(&shares).map(|((i, _), share)| {
+            let species = &stands.species[usize::from(*i)];
+            let [young, old] = species.habitat.scale;
+            let grown = young + (old - young) * (0.25 + 0.6 * spot.age).min(1.0);
+            share * std::f32::consts::PI * (species.crown_radius_m * grown * spot.vigour).powi(2)
+        });
+        // Crowns overlap at random (Boolean model).
+        1.0 - (-per_m2 * crowns.sum::<f32>()).exp()
+    }
+
+    /// The species, as [`ScatteredTree::species`] counts.
+    pub fn species(&self) -> &[ScatterSpecies] {
+        &self.trees.stands.species
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &ScatterSettings {
+        &self.settings
+    }
+
+    /// What the plants stand on.
+    pub fn ground(&self) -> &Arc<dyn Ground> {
+        &self.trees.stands.ground
+    }
+
+    /// What decides where they grow.
+    pub fn biomes(&self) -> &Arc<Biomes> {
+        &self.trees.stands.biomes
+    }
 }
 
-fn check(settings: &ScatterSettings) -> Result<(), ScatterError> {
-    let refuse = |what, value, must| Err(ScatterError::Setting { what, value, must });
-    let [small, large] = settings.scale;
-    if !(settings.spacing_m >= 0.5 && settings.spacing_m.is_finite()) {
-        return refuse("spacing_m", settings.spacing_m, "at least 0.5 and finite");
+fn tile_range(side_m: f32, tile_m: f32) -> [IVec2; 2] {
+    let last = ((0.5 * side_m / tile_m).ceil() as i32).max(1) - 1;
+    [IVec2::splat(-last - 1), IVec2::splat(last)]
+}
+
+fn tiles(side_m: f32, tile_m: f32) -> impl Iterator<Item = IVec2> {
+    let [first, last] = tile_range(side_m, tile_m);
+    (first.y..=last.y).flat_map(move |z| (first.x..=last.x).map(move |x| IVec2::new(x, z)))
+}
+
+fn check(species: &[ScatterSpecies], settings: &ScatterSettings) -> Result<(), ScatterError> {
+    let setting = |what, value: f32, from: f32, to: f32, must| {
+        let usable = (from..=to).contains(&value);
+        if usable { Ok(()) } else { Err(ScatterError::Setting { what, value, must }) }
+    };
+    setting("season", settings.season, 0.0, 1.0, "0 to 1")?;
+    setting("tile_m", settings.tile_m, 16.0, 4096.0, "16 to 4096")?;
+    setting("cover_tile_m", settings.cover_tile_m, 8.0, 1024.0, "8 to 1024")?;
+    setting("cover_per_m2", settings.cover_per_m2, 0.0, 20.0, "0 to 20")?;
+    setting("spacing_m", settings.spacing_m.unwrap_or(1.0), 0.3, 100.0, "0.3 to 100")?;
+    if let TreeAmount::PerHectare(value) = settings.amount {
+        setting("amount per hectare", value, f32::MIN_POSITIVE, f32::MAX, "positive and finite")?;
     }
-    if !(small > 0.0 && small.is_finite()) {
-        return refuse("scale[0]", small, "positive and finite");
+    for s in species {
+        let sizes = [("height_m", s.height_m), ("crown_radius_m", s.crown_radius_m)]
+            .into_iter()
+            .find(|(_, v)| !(*v > 0.0 && *v <= 500.0))
+            .map(|(what, value)| (what, value, "more than 0, at most 500"));
+        if let Some((what, value, must)) = s.habitat.problem().or(sizes) {
+            return Err(ScatterError::Species { name: s.name.clone(), what, value, must });
+        }
     }
-    if !(large >= small && large.is_finite()) {
-        return refuse("scale[1]", large, "at least scale[0] and finite");
-    }
-    if settings.species == 0 {
-        return refuse("species", 0.0, "at least 1");
-    }
-    if settings.max_slope_deg.is_nan() {
-        return refuse("max_slope_deg", settings.max_slope_deg, "a number");
+    let plants = species.iter().filter(|s| s.habitat.kind != PlantKind::Cover).count();
+    if plants == 0 || species.len() > usize::from(u16::MAX) {
+        return Err(ScatterError::NoSpecies { given: species.len() });
     }
     Ok(())
-}
-
-/// A generator that depends on the place only.
-fn site_rng(seed: u64, site: Vec2) -> SplitMix64 {
-    let place = u64::from(mix_bits(site.x.to_bits())) << 32
-        | u64::from(mix_bits(site.y.to_bits().rotate_left(7)));
-    SplitMix64(seed ^ place)
-}
-
-/// Points on a square of `side_m` around the origin, no two nearer than `spacing_m`, by rows of the grid.
-fn poisson_sites(side_m: f32, spacing_m: f32, seed: u64) -> Vec<Vec2> {
-    // Cells as wide as a disc's inscribed square hold one point at most.
-    let cells =
-        (side_m * std::f32::consts::SQRT_2 / spacing_m).ceil().clamp(1.0, MOST_GRID_CELLS) as i32;
-    let cell_m = side_m / cells as f32;
-    let spacing_squared = spacing_m * spacing_m;
-    let mut grid: Vec<Option<Vec2>> = vec![None; (cells * cells) as usize];
-    // Cells that can hold a point too near.
-    let reach = (spacing_m / cell_m).ceil() as i32;
-    for round in 0..ROUNDS {
-        for phase in 0..PHASE * PHASE {
-            // Phases in another order each round, so that no cell always comes first.
-            let phase = (phase * 2 + round as i32 * 4) % (PHASE * PHASE);
-            let throw = |x: i32, z: i32| {
-                let cell = z * cells + x;
-                if grid[cell as usize].is_some() {
-                    return None;
-                }
-                let mut rng = SplitMix64(seed ^ (cell as u64) << 8 ^ u64::from(round) << 48);
-                rng.next_u64();
-                let corner = Vec2::new(x as f32, z as f32);
-                let dart =
-                    (corner + Vec2::new(rng.next_f32(), rng.next_f32())) * cell_m - side_m * 0.5;
-                let (xs, zs) = ([x - reach, x + reach], [z - reach, z + reach]);
-                let [[left, right], [near, far]] =
-                    [xs, zs].map(|ends| ends.map(|i| i.clamp(0, cells - 1)));
-                let free = (near..=far).all(|nz| {
-                    let row = (nz * cells + left) as usize..=(nz * cells + right) as usize;
-                    grid[row]
-                        .iter()
-                        .flatten()
-                        .all(|other| other.distance_squared(dart) >= spacing_squared)
-                });
-                free.then_some((cell as usize, dart))
-            };
-            let rows: Vec<i32> = (phase / PHASE..cells).step_by(PHASE as usize).collect();
-            let darts: Vec<(usize, Vec2)> = rows
-                .into_par_iter()
-                .flat_map_iter(|z| {
-                    (phase % PHASE..cells).step_by(PHASE as usize).filter_map(move |x| throw(x, z))
-                })
-                .collect();
-            for (cell, dart) in darts {
-                grid[cell] = Some(dart);
-            }
-        }
-    }
-    grid.into_iter().flatten().collect()
-}
-
-/// Turns sites into trees.
-struct Planter<'a> {
-    field: &'a Heightfield,
-    settings: &'a ScatterSettings,
-    low: f32,
-    span: f32,
-    stands: Vec<Field>,
-    hue: Field,
-}
-
-impl<'a> Planter<'a> {
-    fn new(field: &'a Heightfield, settings: &'a ScatterSettings) -> Self {
-        let [low, high] = field.height_range();
-        let stand = |i: usize| {
-            Field::new(settings.seed ^ (0xA11CE + i as u64), 3, settings.patch_m.max(5.0))
-        };
-        Self {
-            field,
-            settings,
-            low,
-            span: (high - low).max(1.0),
-            stands: (0..settings.species).map(stand).collect(),
-            hue: Field::new(settings.seed ^ 0x00C0_FFEE, 2, 70.0),
-        }
-    }
-
-    fn plant(&self, site: Vec2) -> ScatteredTree {
-        // Not the ranking's numbers again: trees of one rank would be alike.
-        let mut rng = SplitMix64(site_rng(self.settings.seed, site).next_u64());
-        let ground = self.field.height(site.x, site.y);
-        let [small, large] = self.settings.scale;
-        // The mean of two numbers: most trees are of middle size.
-        let size = 0.5 * (rng.next_f32() + rng.next_f32());
-        let scale = small + (large - small) * size;
-        let sink = (0.04 + 0.3 * self.field.slope(site.x, site.y).tan()).min(0.3) * scale;
-        let species = self.species(site, ground, &mut rng);
-        ScatteredTree {
-            position: Vec3::new(site.x, ground - sink, site.y),
-            yaw: rng.range(0.0, std::f32::consts::TAU),
-            scale,
-            species,
-            tint: self.tint(site, &mut rng),
-            seed: (rng.next_u64() >> 56) as u8,
-        }
-    }
-
-    /// The species that likes the place most: its own noise (stands), its altitude, and some chance (mixed stands).
-    fn species(&self, site: Vec2, ground: f32, rng: &mut SplitMix64) -> usize {
-        let altitude = (ground - self.low) / self.span;
-        let last = (self.stands.len() - 1).max(1) as f32;
-        let liking = |(i, stand): (usize, &Field)| {
-            let distance = (altitude - i as f32 / last).abs();
-            (stand.at(site.x, site.y) - 0.9 * distance + rng.range(0.0, 0.35), i)
-        };
-        let best = self.stands.iter().enumerate().map(liking).max_by(|a, b| a.0.total_cmp(&b.0));
-        best.map_or(0, |(_, i)| i)
-    }
-
-    /// A little brighter, yellower or greener than the neighbour, more alike within 70 m.
-    fn tint(&self, site: Vec2, rng: &mut SplitMix64) -> [u8; 4] {
-        let warm = 0.6 * self.hue.at(site.x, site.y) + rng.range(-0.5, 0.5);
-        let light = rng.range(0.78, 1.0);
-        let channel = |share: f32| (255.0 * (light * share).clamp(0.0, 1.0)).round() as u8;
-        [channel(0.94 + 0.1 * warm), channel(0.97), channel(0.92 - 0.12 * warm), 255]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn nearest_pair(trees: &[ScatteredTree]) -> f32 {
-        let mut by_x: Vec<Vec2> =
-            trees.iter().map(|t| Vec2::new(t.position.x, t.position.z)).collect();
-        by_x.sort_by(|a, b| a.x.total_cmp(&b.x));
-        let mut nearest = f32::INFINITY;
-        for (i, a) in by_x.iter().enumerate() {
-            let limit = nearest;
-            let beside = by_x[i + 1..].iter().take_while(|b| b.x - a.x < limit);
-            nearest = beside.map(|b| a.distance(*b)).fold(nearest, f32::min);
-        }
-        nearest
-    }
-
-    #[test]
-    fn the_sites_fill_the_ground_as_well_as_dart_throwing_can() {
-        // Random sequential packing of discs ends at a cover of 0.547, which is 0.70 sites per spacing².
-        let sites = poisson_sites(300.0, 3.0, 7).len() as f32;
-        let density = sites * 9.0 / 90_000.0;
-        assert!(density > 0.62, "{density} sites per spacing²");
-    }
-
-    #[test]
-    fn forests_have_edges_and_meadows_lone_trees() {
-        let field = Heightfield::rolling(1000.0, 128, 2);
-        let settings = ScatterSettings { count: 12_000, ..ScatterSettings::default() };
-        let trees = scatter(&field, &settings).expect("room");
-        // Trees in squares of 25 m: many squares empty, many full, some with a tree or two.
-        let mut squares = vec![0u32; 40 * 40];
-        for tree in &trees {
-            let [x, z] =
-                [tree.position.x, tree.position.z].map(|v| ((v + 500.0) / 25.0).min(39.0) as usize);
-            squares[z * 40 + x] += 1;
-        }
-        let share = |f: fn(u32) -> bool| squares.iter().filter(|&&n| f(n)).count() as f32 / 1600.0;
-        assert!(share(|n| n == 0) > 0.25, "open: {}", share(|n| n == 0));
-        assert!(share(|n| n >= 20) > 0.12, "dense: {}", share(|n| n >= 20));
-        assert!(
-            share(|n| (1..=3).contains(&n)) > 0.04,
-            "lone: {}",
-            share(|n| (1..=3).contains(&n))
-        );
-        for species in 0..3 {
-            let part =
-                trees.iter().filter(|t| t.species == species).count() as f32 / trees.len() as f32;
-            assert!(part > 0.08, "species {species}: {part}");
-        }
-    }
-
-    #[test]
-    fn too_many_trees_are_refused_with_the_number_that_fits() {
-        let field = Heightfield::rolling(60.0, 16, 1);
-        let mut settings = ScatterSettings { count: 1_000_000, ..ScatterSettings::default() };
-        let Err(ScatterError::Room { fits, .. }) = scatter(&field, &settings) else {
-            panic!("no room for these")
-        };
-        settings.count = fits;
-        assert_eq!(scatter(&field, &settings).expect("room").len(), fits);
-        settings.count = fits + 1;
-        assert!(scatter(&field, &settings).is_err());
-    }
-
-    #[test]
-    fn settings_that_cannot_be_used_are_named() {
-        let field = Heightfield::rolling(60.0, 4, 1);
-        let base = ScatterSettings { count: 1, ..ScatterSettings::default() };
-        for bad in [
-            ScatterSettings { spacing_m: f32::NAN, ..base.clone() },
-            ScatterSettings { spacing_m: 0.0, ..base.clone() },
-            ScatterSettings { scale: [0.0, 1.0], ..base.clone() },
-            ScatterSettings { scale: [2.0, 1.0], ..base.clone() },
-            ScatterSettings { species: 0, ..base.clone() },
-            ScatterSettings { max_slope_deg: f32::NAN, ..base.clone() },
-        ] {
-            assert!(matches!(scatter(&field, &bad), Err(ScatterError::Setting { .. })), "{bad:?}");
-        }
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(24))]
-        #[test]
-        fn trees_keep_their_distance_stand_on_the_ground_and_are_as_many_as_asked(
-            seed in any::<u64>(), spacing_m in 1.5f32..9.0, side_m in 20.0f32..260.0, share in 0.0f32..1.0,
-        ) {
-            let field = Heightfield::rolling(side_m, 24, seed);
-            let mut settings = ScatterSettings { count: usize::MAX, spacing_m, seed, ..ScatterSettings::default() };
-            let Err(ScatterError::Room { fits, .. }) = scatter(&field, &settings) else { panic!("usize::MAX trees") };
-            settings.count = (fits as f32 * share) as usize;
-            let trees = scatter(&field, &settings).expect("room");
-            prop_assert_eq!(trees.len(), settings.count);
-            prop_assert_eq!(&trees, &scatter(&field, &settings).expect("room"));
-            prop_assert!(nearest_pair(&trees) >= spacing_m * 0.9999);
-            for tree in &trees {
-                let Vec3 { x, y, z } = tree.position;
-                let sunk = field.height(x, z) - y;
-                prop_assert!((0.0..0.45).contains(&sunk), "sunk {}", sunk);
-                prop_assert!(x.abs() <= side_m * 0.5 && z.abs() <= side_m * 0.5);
-                prop_assert!(field.slope(x, z) <= 32f32.to_radians());
-                prop_assert!(tree.species < 3 && tree.scale >= 0.7 && tree.scale <= 1.3);
-            }
-        }
-    }
 }

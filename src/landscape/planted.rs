@@ -1,0 +1,449 @@
+//! A scattered forest with its edits: trees by tile, nearest trees, and the forest as text.
+//!
+//! Saved are settings, species, a mark of the ground and the edits; trees are scattered again. A tile's trees cost what
+//! [`Scatter::tile`] costs; queries keep the last tiles they needed.
+
+use super::{ForestEdits, Ground, Scatter, ScatterSettings, ScatterSpecies, ScatteredTree, TreeId};
+use bevy::math::{IVec2, Vec2, Vec3, Vec3Swizzles};
+use serde::{Deserialize, Serialize};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::{Arc, Mutex, PoisonError},
+};
+use thiserror::Error;
+
+/// Of the text. Another number is refused.
+const VERSION: u32 = 1;
+/// Tiles that queries keep.
+const KEPT_TILES: usize = 16;
+/// Heights of the same ground may differ by this much between machines, in metres.
+const SAME_HEIGHT_M: f32 = 0.02;
+
+/// Why a forest could not be edited or read.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum EditError {
+    /// No such tree.
+    #[error("forest: there is no tree {id:?}; it was removed, or belongs to another forest")]
+    Missing {
+        /// The name.
+        id: TreeId,
+    },
+    /// A tree that cannot be planted.
+    #[error("forest: a tree with {what} cannot be planted; it must be {must}")]
+    Tree {
+        /// What is wrong.
+        what: String,
+        /// What it must be.
+        must: String,
+    },
+    /// The text is not a forest.
+    #[error("forest: the text cannot be read: {problem}; it may be cut off or no saved forest")]
+    Text {
+        /// What the parser says.
+        problem: String,
+    },
+    /// Written by another version.
+    #[error(
+        "forest: the text has version {found}, this program reads {expected}; use the program that wrote it"
+    )]
+    Version {
+        /// In the text.
+        found: u32,
+        /// Of this program.
+        expected: u32,
+    },
+    /// Saved with something else than what it is to be planted with.
+    #[error(
+        "forest: it was saved with {what} {saved}, but here it is {here}; the same trees would not grow"
+    )]
+    Different {
+        /// What differs.
+        what: String,
+        /// In the text.
+        saved: String,
+        /// Here.
+        here: String,
+    },
+}
+
+/// A tree that a query found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundTree {
+    /// Its name.
+    pub id: TreeId,
+    /// The tree.
+    pub tree: ScatteredTree,
+    /// From the place asked about to the foot, metres.
+    pub distance_m: f32,
+}
+
+/// Everything a tile's trees follow from; goes to any thread.
+#[derive(Clone)]
+pub struct TilePlan {
+    scatter: Arc<Scatter>,
+    tile: IVec2,
+    gone: BTreeSet<u32>,
+    placed: Vec<(TreeId, ScatteredTree)>,
+}
+
+impl TilePlan {
+    /// The trees that stand in the tile: scattered ones by index, then those placed by hand, by name.
+    pub fn trees(&self) -> Vec<(TreeId, ScatteredTree)> {
+        let tile = self.tile.to_array();
+        let scattered = self.scatter.tile(self.tile).into_iter().zip(0..);
+        let mut trees: Vec<(TreeId, ScatteredTree)> = scattered
+            .filter(|(_, index)| !self.gone.contains(index))
+            .map(|(tree, index)| (TreeId::Scattered { tile, index }, tree))
+            .collect();
+        trees.extend(&self.placed);
+        trees
+    }
+}
+
+type KeptTile = (IVec2, Arc<Vec<(TreeId, ScatteredTree)>>);
+
+/// A scattered forest with its edits.
+pub struct PlantedForest {
+    scatter: Arc<Scatter>,
+    edits: ForestEdits,
+    /// Indices that are gone, and trees placed by hand, by tile.
+    tiles: BTreeMap<[i32; 2], (BTreeSet<u32>, BTreeSet<TreeId>)>,
+    kept: Mutex<Vec<KeptTile>>,
+}
+
+impl Clone for PlantedForest {
+    fn clone(&self) -> Self {
+        let (scatter, edits) = (Arc::clone(&self.scatter), self.edits.clone());
+        Self { scatter, edits, tiles: self.tiles.clone(), kept: Mutex::default() }
+    }
+}
+
+impl PlantedForest {
+    /// The forest as scattered.
+    pub fn new(scatter: Arc<Scatter>) -> Self {
+        let (edits, tiles) = (ForestEdits::default(), BTreeMap::new());
+        Self { scatter, edits, tiles, kept: Mutex::default() }
+    }
+
+    /// The forest without its edits.
+    pub fn scatter(&self) -> &Arc<Scatter> {
+        &self.scatter
+    }
+
+    /// The edits in force.
+    pub fn edits(&self) -> &ForestEdits {
+        &self.edits
+    }
+
+    /// The same forest at another time of the year, 0 to 1; trees placed by hand stay as they are.
+    pub fn set_season(&mut self, season: f32) {
+        self.scatter = Arc::new(self.scatter.with_season(season));
+        self.forget_kept();
+    }
+
+    /// The tile that a place lies in.
+    pub fn tile_of(&self, position: Vec3) -> IVec2 {
+        (position.xz() / self.scatter.tile_size_m()).floor().as_ivec2()
+    }
+
+    /// Plants a tree; anywhere, also off the ground or beyond it.
+    ///
+    /// # Errors
+    /// [`EditError::Tree`] for a tree that cannot be drawn.
+    pub fn add(&mut self, tree: ScatteredTree) -> Result<TreeId, EditError> {
+        self.check(&tree)?;
+        let id = self.edits.add(tree);
+        self.here(id, &tree, true);
+        Ok(id)
+    }
+
+    /// Removes a tree and returns it. O(1), and a tile to scatter if it was not kept.
+    ///
+    /// # Errors
+    /// [`EditError::Missing`].
+    pub fn remove(&mut self, id: TreeId) -> Result<ScatteredTree, EditError> {
+        let tree = self.get(id).ok_or(EditError::Missing { id })?;
+        self.lift(id);
+        self.edits.remove(id);
+        self.mark_gone(id);
+        Ok(tree)
+    }
+
+    /// Puts `tree` in the place of another, which keeps its name: moves it, turns it, makes it another species. Returns
+    /// the tree before.
+    ///
+    /// # Errors
+    /// [`EditError::Missing`] or [`EditError::Tree`].
+    pub fn replace(&mut self, id: TreeId, tree: ScatteredTree) -> Result<ScatteredTree, EditError> {
+        self.check(&tree)?;
+        let before = self.get(id).ok_or(EditError::Missing { id })?;
+        self.lift(id);
+        self.edits.replace(id, tree);
+        self.mark_gone(id);
+        self.here(id, &tree, true);
+        Ok(before)
+    }
+
+    /// The tree of that name; `None` if it was removed or never was.
+    pub fn get(&self, id: TreeId) -> Option<ScatteredTree> {
+        if let Some(tree) = self.edits.placed(id) {
+            return Some(*tree);
+        }
+        let TreeId::Scattered { tile, .. } = id else { return None };
+        let kept = self.kept(IVec2::from_array(tile));
+        kept.iter().find(|(other, _)| *other == id).map(|(_, tree)| *tree)
+    }
+
+    /// What the tile's trees follow from. O(edits of the tile).
+    pub fn plan(&self, tile: IVec2) -> TilePlan {
+        let edits = self.tiles.get(&tile.to_array());
+        let (gone, names) = edits.cloned().unwrap_or_default();
+        let placed = |id| self.edits.placed(id).map(|tree| (id, *tree));
+        TilePlan {
+            scatter: Arc::clone(&self.scatter),
+            tile,
+            gone,
+            placed: names.into_iter().filter_map(placed).collect(),
+        }
+    }
+
+    /// The trees that stand in a tile now.
+    pub fn trees_in(&self, tile: IVec2) -> Vec<(TreeId, ScatteredTree)> {
+        self.plan(tile).trees()
+    }
+
+    /// All trees whose foot is within `radius` metres, nearest first. O(trees of the tiles it meets).
+    pub fn within(&self, position: Vec3, radius: f32) -> Vec<FoundTree> {
+        if !(position.is_finite() && radius >= 0.0) {
+            return vec![];
+        }
+        let size = self.scatter.tile_size_m();
+        let [first, last] = self.scatter.tile_range();
+        let low = ((position.xz() - radius) / size).floor().as_ivec2();
+        let high = ((position.xz() + radius) / size).floor().as_ivec2();
+        let inside = low.max(first).y..=high.min(last).y;
+        let mut tiles: BTreeSet<[i32; 2]> = inside
+            .flat_map(|z| (low.max(first).x..=high.min(last).x).map(move |x| [x, z]))
+            .collect();
+        // Trees can be planted beyond the ground.
+        let edited = self.tiles.keys().map(|t| IVec2::from_array(*t));
+        tiles.extend(
+            edited.filter(|t| t.cmpge(low).all() && t.cmple(high).all()).map(|t| t.to_array()),
+        );
+        let mut found: Vec<FoundTree> = vec![];
+        for tile in tiles {
+            let trees = self.kept(IVec2::from_array(tile));
+            found.extend(trees.iter().filter_map(|(id, tree)| {
+                let distance_m = tree.position.distance(position);
+                (distance_m <= radius).then_some(FoundTree { id: *id, tree: *tree, distance_m })
+            }));
+        }
+        found.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.id.cmp(&b.id)));
+        found
+    }
+
+    /// The nearest tree within `radius` metres.
+    pub fn nearest(&self, position: Vec3, radius: f32) -> Option<FoundTree> {
+        self.within(position, radius).into_iter().next()
+    }
+
+    /// The forest as JSON text: settings, species and edits, not the trees.
+    pub fn to_json(&self) -> String {
+        let saved = SavedForest {
+            version: VERSION,
+            settings: self.scatter.settings().clone(),
+            species: self.scatter.species().to_vec(),
+            ground: GroundMark::of(&**self.scatter.ground()),
+            edits: self.edits.clone(),
+        };
+        serde_json::to_string_pretty(&saved).expect("plain numbers, lists and names")
+    }
+
+    fn check(&self, tree: &ScatteredTree) -> Result<(), EditError> {
+        let wrong = |what: String, must: &str| Err(EditError::Tree { what, must: must.to_owned() });
+        let far = tree.position.abs().max_element();
+        if !(far < 1e6) {
+            return wrong(format!("position {}", tree.position), "finite and below 1e6 m");
+        }
+        if !(tree.scale.is_finite() && tree.scale > 0.0) {
+            return wrong(format!("scale {}", tree.scale), "positive and finite");
+        }
+        if !(tree.rotation.is_finite() && tree.rotation.length_squared() > 1e-6) {
+            return wrong(format!("rotation {}", tree.rotation), "finite and not 0");
+        }
+        if !(0.0..=1.0).contains(&tree.autumn) {
+            return wrong(format!("autumn {}", tree.autumn), "0 to 1");
+        }
+        let species = self.scatter.species().len();
+        if usize::from(tree.species) >= species {
+            return wrong(format!("species {}", tree.species), &format!("below {species}"));
+        }
+        Ok(())
+    }
+
+    /// Takes note that a placed tree stands in its tile, or does not.
+    fn here(&mut self, id: TreeId, tree: &ScatteredTree, stands: bool) {
+        let tile = self.tile_of(tree.position);
+        let names = &mut self.tiles.entry(tile.to_array()).or_default().1;
+        if stands {
+            names.insert(id)
+        } else {
+            names.remove(&id)
+        };
+        self.forget_kept();
+    }
+
+    fn lift(&mut self, id: TreeId) {
+        if let Some(tree) = self.edits.placed(id).copied() {
+            self.here(id, &tree, false);
+        }
+    }
+
+    fn mark_gone(&mut self, id: TreeId) {
+        if let TreeId::Scattered { tile, index } = id {
+            self.tiles.entry(tile).or_default().0.insert(index);
+            self.forget_kept();
+        }
+    }
+
+    fn forget_kept(&mut self) {
+        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
+    fn kept(&self, tile: IVec2) -> Arc<Vec<(TreeId, ScatteredTree)>> {
+        let find = |kept: &Vec<KeptTile>| {
+            kept.iter().find(|(t, _)| *t == tile).map(|(_, k)| Arc::clone(k))
+        };
+        if let Some(trees) = find(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
+            return trees;
+        }
+        // Not under the lock: scattering takes milliseconds.
+        let trees = Arc::new(self.trees_in(tile));
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() >= KEPT_TILES {
+            kept.remove(0);
+        }
+        kept.push((tile, Arc::clone(&trees)));
+        trees
+    }
+}
+
+/// Tells grounds apart: side, and heights at a few places.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroundMark {
+    /// Metres.
+    pub side_m: f32,
+    /// Metres; nothing where there is no ground.
+    pub heights: Vec<Option<f32>>,
+}
+
+impl GroundMark {
+    /// The mark of a ground. 16 heights.
+    pub fn of(ground: &dyn Ground) -> Self {
+        let side_m = ground.side_m();
+        let height = |i: u32| {
+            // Turned, so that rows and columns differ.
+            let at = (Vec2::new((i % 4) as f32, (i / 4) as f32) / 4.0 - 0.36) * 0.8;
+            let at = Vec2::new(at.x + 0.1 * at.y, at.y - 0.1 * at.x) * side_m;
+            Some(ground.height(at.x, at.y)).filter(|h| h.is_finite())
+        };
+        Self { side_m, heights: (0..16).map(height).collect() }
+    }
+
+    fn is_like(&self, other: &Self) -> bool {
+        let same = |pair: (&Option<f32>, &Option<f32>)| match pair {
+            (Some(a), Some(b)) => (a - b).abs() <= SAME_HEIGHT_M,
+            (a, b) => a == b,
+        };
+        self.side_m == other.side_m
+            && self.heights.len() == other.heights.len()
+            && std::iter::zip(&self.heights, &other.heights).all(same)
+    }
+}
+
+/// A forest as it was saved, before there is ground to plant it on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedForest {
+    /// Of the text.
+    pub version: u32,
+    /// To scatter with: [`Scatter::new`] with these, [`Self::species`] and the same ground and biomes.
+    pub settings: ScatterSettings,
+    /// The species.
+    pub species: Vec<ScatterSpecies>,
+    /// Of the ground it grew on.
+    pub ground: GroundMark,
+    /// The edits.
+    pub edits: ForestEdits,
+}
+
+impl SavedForest {
+    /// Reads what [`PlantedForest::to_json`] wrote.
+    ///
+    /// # Errors
+    /// [`EditError::Text`] or [`EditError::Version`].
+    pub fn parse(text: &str) -> Result<Self, EditError> {
+        #[derive(Deserialize)]
+        struct Head {
+            version: u32,
+        }
+        let problem = |error: serde_json::Error| EditError::Text { problem: error.to_string() };
+        // First the version: other versions may hold anything else.
+        let found = serde_json::from_str::<Head>(text).map_err(problem)?.version;
+        if found != VERSION {
+            return Err(EditError::Version { found, expected: VERSION });
+        }
+        serde_json::from_str(text).map_err(problem)
+    }
+
+    /// Plants it: the forest as it was.
+    ///
+    /// # Errors
+    /// [`EditError::Different`] if `scatter` has other settings (the season may differ), species or another ground;
+    /// [`EditError::Tree`] or [`EditError::Missing`] for edits that cannot be.
+    pub fn plant(self, scatter: Arc<Scatter>) -> Result<PlantedForest, EditError> {
+        let different = |what: &str, saved: String, here: String| {
+            Err(EditError::Different { what: what.to_owned(), saved, here })
+        };
+        let here = scatter.settings();
+        let same =
+            ScatterSettings { season: here.season, max_bytes: here.max_bytes, ..self.settings };
+        if same != *here {
+            return different("settings", format!("{same:?}"), format!("{here:?}"));
+        }
+        if let Some((saved, here)) =
+            std::iter::zip(&self.species, scatter.species()).find(|(a, b)| a != b)
+        {
+            return different("species", format!("{saved:?}"), format!("{here:?}"));
+        }
+        let counts = [self.species.len(), scatter.species().len()];
+        if counts[0] != counts[1] {
+            return different("a number of species,", counts[0].to_string(), counts[1].to_string());
+        }
+        let ground = GroundMark::of(&**scatter.ground());
+        if !self.ground.is_like(&ground) {
+            return different("ground", format!("{:?}", self.ground), format!("{ground:?}"));
+        }
+        let mut forest = PlantedForest::new(scatter);
+        forest.edits = self.edits;
+        let edits = forest.edits.clone();
+        let mut counts = BTreeMap::new();
+        for id in edits.all_gone() {
+            if let TreeId::Scattered { tile, index } = id {
+                let count = counts
+                    .entry(tile)
+                    .or_insert_with(|| forest.scatter.tile(IVec2::from_array(tile)).len());
+                if index as usize >= *count {
+                    return Err(EditError::Missing { id });
+                }
+            }
+            forest.mark_gone(id);
+        }
+        for (id, tree) in edits.all_placed() {
+            forest.check(tree)?;
+            forest.here(id, tree, true);
+        }
+        Ok(forest)
+    }
+}
