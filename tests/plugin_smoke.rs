@@ -96,7 +96,9 @@ fn an_empty_world_and_a_world_without_a_camera_draw() {
     let (camera, _) = stage.view(SIZE, camera_place().looking_to(Vec3::Z, Vec3::Y));
     stage.step(4);
     let counters = stage.counters(camera);
-    assert_eq!((counters.instances_seen, counters.culled_frustum, counters.points), (13, 13, 0));
+    // The single tree is looked at, the forest is not.
+    assert_eq!((counters.instances_seen, counters.culled_frustum, counters.points), (13, 1, 0));
+    assert_eq!((counters.culled_tiles, counters.culled_in_tiles), (1, 12));
     assert_eq!(counters.covered_pixels, 0);
 }
 
@@ -117,7 +119,7 @@ fn every_one_of_many_cameras_counts_its_own_trees() {
     for (i, camera) in cameras.iter().enumerate() {
         let counters = stage.counters(*camera);
         let culled = if i % 2 == 1 { 12 } else { 0 };
-        let found = (counters.instances_seen, counters.culled_frustum);
+        let found = (counters.instances_seen, counters.culled_in_tiles);
         assert_eq!(found, (12, culled), "camera {i}");
         assert_eq!(counters.points > 0, culled == 0, "camera {i}");
     }
@@ -155,7 +157,8 @@ fn counters_follow_a_forest_that_changes() {
     let (camera, image) = stage.view(SIZE, camera_place());
     let seen = |stage: &mut Stage| {
         stage.step(4);
-        stage.find_counters(camera).map_or((0, 0), |c| (c.instances_seen, c.culled_frustum))
+        let counters = stage.find_counters(camera).unwrap_or_default();
+        (counters.instances_seen, counters.culled_frustum + counters.culled_in_tiles)
     };
     assert_eq!(seen(&mut stage), (12, 0));
     let behind = TreeInstance::at(Vec3::Z * 200.0);

@@ -43,7 +43,7 @@ fn species(stage: &mut Stage) -> [Handle<TreeAsset>; 2] {
 }
 
 /// A fresh app with these tiles and nothing else.
-fn fresh(test: &str, path: SplatPath, tiles: &[(IVec2, usize, IVec2)]) -> Option<RgbaImage> {
+fn fresh(test: &str, path: SplatPath, tiles: &[Placed]) -> Option<RgbaImage> {
     let mut stage = Stage::new(test, path)?;
     let species = species(&mut stage);
     for (at, trees, moved_to) in tiles {
@@ -53,11 +53,11 @@ fn fresh(test: &str, path: SplatPath, tiles: &[(IVec2, usize, IVec2)]) -> Option
     Some(stage.shoot(&image, 4))
 }
 
+/// Whose trees, how many, and where they stand.
+type Placed = (IVec2, usize, IVec2);
+
 /// Adds, removes, moves, empties, fills and hides tiles over frames; returns those that are left and the picture.
-fn churned(
-    path: SplatPath,
-    budget: Option<usize>,
-) -> Option<(Vec<(IVec2, usize, IVec2)>, RgbaImage)> {
+fn churned(path: SplatPath, budget: Option<usize>) -> Option<(Vec<Placed>, RgbaImage)> {
     let mut stage = Stage::new("churned", path)?;
     stage.world().insert_resource(UploadBudget { bytes_per_frame: budget });
     let species = species(&mut stage);

@@ -195,7 +195,11 @@ fn wanted(
     best.filter(|best| best.urgency < SPAWN_MARGIN)
 }
 
-#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
+#[expect(
+    clippy::too_many_arguments,
+    clippy::type_complexity,
+    reason = "a system's parameters are its dependencies"
+)]
 pub(super) fn update_near_meshes(
     mut commands: Commands,
     mut pool: ResMut<NearMeshes>,
@@ -233,7 +237,8 @@ pub(super) fn update_near_meshes(
             farthest.is_some_and(|farthest| {
                 let reach = farthest.distance(place.scale, view, settings) + place.radius;
                 // What is not a number is looked at.
-                !(place.center.distance_squared(view.position) > reach * reach)
+                let is_beyond = place.center.distance_squared(view.position) > reach * reach;
+                !is_beyond
             })
         });
         if !is_near || !visibility.get() {
