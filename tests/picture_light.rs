@@ -107,8 +107,7 @@ fn points_cover_what_the_mesh_covers() {
     let sun = Vec3::new(-0.5, -0.7, -0.5);
     // Needles are thinner than a pixel of the LDIs of the other tests, whose spruce covers 5 to 9 % too much (at 256
     // pixels 3 to 5 %). Half the picture's side in pixels, and samples of the mesh along each side of one.
-    for (name, half, samples) in [("oak", 80, 3), ("birch", 80, 3), ("fine spruce", 272, 2)]
-    {
+    for (name, half, samples) in [("oak", 80, 3), ("birch", 80, 3), ("fine spruce", 272, 2)] {
         let Some((mut stage, tree)) = planted("points_cover", sun, false) else { return };
         let asset = stage.tree(name, false);
         stage.world().get_mut::<TreeImpostor>(tree).expect("it is there").tree = asset;

@@ -265,9 +265,7 @@ fn a_single_tree_changes_from_mesh_to_points_with_distance() {
         assert_eq!(state.points_baked, all);
         assert_eq!(state.mesh > 0.0, as_mesh + in_fade == 1, "{what}");
         assert_eq!(state.mesh == 1.0, distance < 13.0, "{what}");
-        assert!(
-            (state.d0 - baked("oak").data.pixel * view_point(&stage, camera).z0).abs() < 1e-3
-        );
+        assert!((state.d0 - baked("oak").data.pixel * view_point(&stage, camera).z0).abs() < 1e-3);
         assert_eq!(
             stage.world().resource::<NearMeshes>().len(),
             usize::from(distance < 16.0),
