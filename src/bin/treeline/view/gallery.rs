@@ -34,7 +34,7 @@ pub fn run(args: &ViewArgs) -> ToolResult {
     let world = app.world_mut();
     scene::add_light(world, 120.0);
     // Brighter from all sides than in the other scenes: forms matter here, not the time of day.
-    world.insert_resource(GlobalAmbientLight { brightness: 2200.0, ..default() });
+    world.insert_resource(GlobalAmbientLight { brightness: 1300.0, ..default() });
     let ground = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(1.0, 1.0));
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
         base_color: GROUND,
