@@ -6,7 +6,7 @@ use super::Workplace;
 fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
     let place = Workplace::new();
     let size = "WIDTHxHEIGHT";
-    let runs: [(&str, &[&str]); 29] = [
+    let runs: [(&str, &[&str]); 33] = [
         ("bake {tree} --ldi 0", &["--ldi", "0 is not in 1..=16384"]),
         ("bake {tree} --ldi 100000", &["--ldi", "100000 is not in 1..=16384"]),
         ("bake {tree} --ldi -5", &["--ldi", "-5 is not in 1..=16384"]),
@@ -15,6 +15,10 @@ fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
         ("bake {tree} --order sorted", &["--order", "sorted"]),
         ("view {tree} --headless --ldi 0", &["--ldi", "1..=16384"]),
         ("view {tree} --headless --quality -1", &["--quality", "-1", "0.05 to 16"]),
+        ("view --headless", &["FILE"]),
+        ("view {tree} --species oak --headless", &["--species", "cannot be used with"]),
+        ("view --species baobab --headless", &["`baobab`", "scots_pine", "grass_tuft"]),
+        ("view --species oak --autumn 3 --headless", &["--autumn", "0 (summer) to 1"]),
         ("compare {tree} --ldi 0", &["--ldi", "1..=16384"]),
         ("compare {tree} --quality nan", &["--quality", "nan", "0.05 to 16"]),
         ("compare {tree} --distances 0", &["--distances", "0 is not a distance", "above 0"]),

@@ -8,7 +8,7 @@ use crate::{
     scene,
     sheet::contact_sheet,
 };
-use bevy::{camera::Projection, prelude::*};
+use bevy::{camera::Projection, light::NotShadowCaster, prelude::*};
 use bevy_treeline::{
     TreeImpostor, TreelineSettings, bake::Baked, math::image_error::box_downsample_linear,
     species::species_names,
@@ -23,8 +23,8 @@ const FOV_Y: f32 = 0.42;
 /// Above the horizon, radians.
 const ELEVATION: f32 = 0.13;
 const AZIMUTH: f32 = 0.35;
-const SKY: Color = Color::srgb(0.80, 0.86, 0.92);
-const GROUND: Color = Color::srgb(0.47, 0.48, 0.40);
+const SKY: Color = Color::srgb(0.90, 0.95, 1.0);
+const GROUND: Color = Color::srgb(0.50, 0.51, 0.42);
 /// Assets upload, near meshes warm up.
 const WARM_UP_FRAMES: u32 = 7;
 
@@ -33,7 +33,8 @@ pub fn run(args: &ViewArgs) -> ToolResult {
     let mut app = headless_app(args.splat_path.into())?;
     let world = app.world_mut();
     scene::add_light(world, 120.0);
-    world.insert_resource(ClearColor(SKY));
+    // Brighter from all sides than in the other scenes: forms matter here, not the time of day.
+    world.insert_resource(GlobalAmbientLight { brightness: 1300.0, ..default() });
     let ground = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(1.0, 1.0));
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
         base_color: GROUND,
@@ -42,12 +43,22 @@ pub fn run(args: &ViewArgs) -> ToolResult {
         ..default()
     });
     let ground = world.spawn((Mesh3d(ground), MeshMaterial3d(material), Transform::default())).id();
+    // A sky that goes through the same tone mapping as the fog on the ground: no horizon between them.
+    let dome = world.resource_mut::<Assets<Mesh>>().add(Sphere::new(0.4));
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
+        base_color: SKY,
+        unlit: true,
+        cull_mode: None,
+        ..default()
+    });
+    let dome = (Mesh3d(dome), MeshMaterial3d(material), Transform::default(), NotShadowCaster);
+    let stage = [ground, world.spawn(dome).id()];
 
     let mut cells = vec![];
     for name in species_names() {
         let source = Source::plant(name, &args.plant)?;
         let baked = source.bake(&settings, &context)?;
-        let picture = picture(&mut app, &baked, ground, args.quality)?;
+        let picture = picture(&mut app, &baked, stage, args.quality)?;
         let (triangles, points) = (baked.data.statistics.triangles, baked.data.point_count());
         let height = baked.data.bounds.max.y;
         cells.push((format!("{name}, {height:.1} m\n{triangles} tri, {points} pts"), picture));
@@ -59,7 +70,12 @@ pub fn run(args: &ViewArgs) -> ToolResult {
 }
 
 /// One plant on the ground before the sky, filling the picture.
-fn picture(app: &mut App, baked: &Baked, ground: Entity, quality: f32) -> ToolResult<RgbaImage> {
+fn picture(
+    app: &mut App,
+    baked: &Baked,
+    stage: [Entity; 2],
+    quality: f32,
+) -> ToolResult<RgbaImage> {
     let bounds = baked.data.bounds;
     let extent = bounds.extent();
     let span = extent.y.max(extent.x.max(extent.z)) * 1.1;
@@ -68,7 +84,9 @@ fn picture(app: &mut App, baked: &Baked, ground: Entity, quality: f32) -> ToolRe
     let size = CELL_PX * SUPERSAMPLE;
     let image = target(app, size, size);
     let world = app.world_mut();
-    world.entity_mut(ground).insert(Transform::from_scale(Vec3::splat(distance * 60.0)));
+    for entity in stage {
+        world.entity_mut(entity).insert(Transform::from_scale(Vec3::splat(distance * 60.0)));
+    }
     let tree = scene::add_tree(world, baked, true);
     let tree = world.spawn(TreeImpostor::new(tree)).id();
     let from = Vec3::new(
