@@ -105,7 +105,8 @@ fn a_tint_changes_the_colour_and_nothing_else() {
 /// Both have the same ambient visibility, points in their surfels and meshes in their vertex colours.
 #[test]
 fn points_are_as_bright_as_the_mesh() {
-    for name in ["broadleaf", "birch", "conifer"] {
+    // Needles are thinner than a pixel of their LDI here (see `points_cover_what_the_mesh_covers`).
+    for (name, tolerance) in [("broadleaf", 0.04), ("birch", 0.04), ("conifer", 0.08)] {
         let sun = Vec3::new(-0.5, -0.7, -0.5);
         let Some((mut stage, tree)) = planted("as_bright_as_the_mesh", sun, false) else { return };
         let asset = stage.tree(name, false);
@@ -131,7 +132,7 @@ fn points_are_as_bright_as_the_mesh() {
         let mesh = brightness(&stage.shoot(&image, 3));
         let error = points / mesh - 1.0;
         println!("{name}: points {:.1} % brighter than the mesh", error * 100.0);
-        assert!(error.abs() < 0.04, "{name}: {error}");
+        assert!(error.abs() < tolerance, "{name}: {error}");
         assert!(baked(name).data.is_shaded());
     }
 }
