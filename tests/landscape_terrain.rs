@@ -20,8 +20,10 @@ use std::{fs, sync::Arc, time::Instant};
 
 /// A stage with ground; the eye is put where asked.
 fn scene(test: &str, side_m: f32, sky: Sky) -> Option<(Stage, Arc<NoiseTerrain>)> {
-    let mut stage = Stage::new(test, SplatPath::Auto)?;
-    stage.app.add_plugins(TerrainPlugin);
+    let add = |app: &mut App| {
+        app.add_plugins(TerrainPlugin);
+    };
+    let mut stage = Stage::with(test, SplatPath::Auto, add)?;
     let settings = TerrainSettings { side_m, ..default() };
     let ground = Arc::new(NoiseTerrain::new(&settings).expect("the settings are good"));
     let biomes = Arc::new(Biomes::new(&*ground, &BiomeSettings::default()));

@@ -26,7 +26,7 @@ struct GroundChunk {
     first: vec2<f32>,
     quad_m: f32,
     level: u32,
-    // uv = share of the chunk * x + y.
+    // uv = post * x + y.
     texture_place: vec2<f32>,
     texture_side: f32,
     // Chunks that have no parent do not morph.
@@ -59,16 +59,23 @@ fn ground_point(chunk: GroundChunk, y: f32, target_y: f32, posts: f32) -> Ground
     out.morph = saturate((sqrt(nearest) - range.x) * range.y) * chunk.morphs;
     out.ground_y = mix(y, target_y, out.morph);
     out.world = vec3(at.x, max(out.ground_y, frame.water.x), at.y);
-    out.uv = post / 32.0 * chunk.texture_place.x + chunk.texture_place.y;
+    out.uv = post * chunk.texture_place.x + chunk.texture_place.y;
     return out;
+}
+
+fn eighth(x: f32) -> f32 {
+    let square = x * x;
+    let fourth = square * square;
+    return fourth * fourth;
 }
 
 // Luminance of the sky without the disc, exposed. Twin of `Daylight::sky`.
 fn sky_color(direction: vec3<f32>) -> vec3<f32> {
     let up = max(direction.y, 0.0);
     let towards = max(dot(direction, frame.sun_direction.xyz), 0.0);
-    let share = 1.0 - exp(-4.2 * pow(up, 0.75));
-    let towards8 = pow(towards, 8.0);
+    let root = sqrt(up);
+    let share = 1.0 - exp(-4.2 * root * sqrt(root));
+    let towards8 = eighth(towards);
     let sharp = towards8 * towards8;
     let glow = 0.55 * towards8 + 0.9 * sharp * sharp * sharp * sharp;
     return (mix(frame.horizon.rgb, frame.zenith.rgb, share) + frame.glow.rgb * glow) * (1000.0 * view.exposure);
@@ -80,7 +87,12 @@ fn with_haze(color: vec3<f32>, from_eye: vec3<f32>, distance: f32) -> vec3<f32> 
     var haze = fog.base_color.rgb;
     if fog.directional_light_color.a > 0.0 && lights.n_directional_lights > 0u {
         let towards = max(dot(from_eye, lights.directional_lights[0].direction_to_light), 0.0);
-        haze += pow(towards, fog.directional_light_exponent) * lights.directional_lights[0].color.rgb * view.exposure
+        // The exponent that `Sky` sets is cheaper by multiplication.
+        var glow = eighth(towards);
+        if fog.directional_light_exponent != 8.0 {
+            glow = pow(towards, fog.directional_light_exponent);
+        }
+        haze += glow * lights.directional_lights[0].color.rgb * view.exposure
             * fog.directional_light_color.rgb * fog.directional_light_color.a;
     }
     var part = 0.0;

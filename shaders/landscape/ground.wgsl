@@ -17,6 +17,7 @@
 
 // Grain is drawn up to this distance, metres.
 const GRAIN_M: f32 = 260.0;
+const FINE_GRAIN_M: f32 = 90.0;
 const INV_PI: f32 = 0.31830989;
 
 struct GroundVertex {
@@ -54,11 +55,14 @@ fn ground(in: GroundVertex) -> @location(0) vec4<f32> {
     var albedo = painted.rgb;
     if distance < GRAIN_M {
         // Explicit levels: derivatives are not allowed here. Footprint of a pixel over a texel of the grain.
-        let pixel_m = sqrt(sqrt(a * b)) * chunk.quad_m * 32.0 / chunk.texture_side;
-        let close = textureSampleLevel(grain, grain_sampler, in.world.xz * 0.41, log2(pixel_m * 52.0)).r;
+        let pixel_m = sqrt(sqrt(a * b)) * chunk.quad_m / (chunk.texture_side * chunk.texture_place.x);
         let wide = textureSampleLevel(grain, grain_sampler, in.world.zx * vec2(0.071, -0.071), log2(pixel_m * 9.1)).r;
-        let faded = 1.0 - distance / GRAIN_M;
-        albedo *= 1.0 + faded * (1.05 * (close - 0.5) + 0.8 * (wide - 0.5));
+        var speckle = 1.1 * (1.0 - distance / GRAIN_M) * (wide - 0.5);
+        if distance < FINE_GRAIN_M {
+            let close = textureSampleLevel(grain, grain_sampler, in.world.xz * 0.41, log2(pixel_m * 52.0)).r;
+            speckle += 1.3 * (1.0 - distance / FINE_GRAIN_M) * (close - 0.5);
+        }
+        albedo *= 1.0 + speckle;
     }
     var sun = vec3(0.0);
     if lights.n_directional_lights > 0u {
@@ -89,7 +93,7 @@ fn water(world: vec3<f32>, from_eye: vec3<f32>, distance: f32, depth: f32, bed: 
     let one = textureSampleLevel(grain, grain_sampler, world.xz * 0.043 + vec2(0.011, 0.007) * time, level).gb;
     let two = textureSampleLevel(grain, grain_sampler, world.zx * 0.019 - vec2(0.006, 0.009) * time, level - 1.0).gb;
     // Far waves are smaller than pixels.
-    let rough = 0.28 / (1.0 + distance * 0.004);
+    let rough = 0.34 / (1.0 + distance * 0.004);
     let slope = (one + two.yx - 1.0) * rough;
     let normal = normalize(vec3(slope.x, 1.0, slope.y));
     let facing = saturate(-dot(normal, from_eye));

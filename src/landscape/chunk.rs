@@ -32,7 +32,7 @@ pub struct ChunkSource<'a> {
 /// Vertices and what bounds them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChunkMesh {
-    /// Metres from [`Self::middle`], y from height 0; the last 4 · 33 are the skirts' lower ends.
+    /// Metres from [`Self::middle`], y from height 0; the last are the skirts' lower ends.
     pub positions: Vec<[f32; 3]>,
     /// Height on the parent's grid, and the post's column + 64 · its row.
     pub morphs: Vec<[f32; 2]>,
@@ -168,9 +168,9 @@ mod tests {
             let offset = fine.middle - coarse.middle;
             for (position, morph) in fine.positions.iter().zip(&fine.morphs).take(POSTS * POSTS) {
                 let quad = tree.quad_m(2);
-                let x = (position[0] + offset.x) / quad + 16.0;
-                let z = (position[2] + offset.z) / quad + 16.0;
-                let (i, k) = ((x as usize).min(31), (z as usize).min(31));
+                let x = (position[0] + offset.x) / quad + 0.5 * CHUNK_QUADS as f32;
+                let z = (position[2] + offset.z) / quad + 0.5 * CHUNK_QUADS as f32;
+                let (i, k) = ((x as usize).min(CHUNK_QUADS - 1), (z as usize).min(CHUNK_QUADS - 1));
                 let (fx, fz) = (x - i as f32, z - k as f32);
                 let at = |i: usize, k: usize| coarse.positions[k * POSTS + i][1];
                 let (a, b, c, d) = (at(i, k), at(i + 1, k), at(i, k + 1), at(i + 1, k + 1));

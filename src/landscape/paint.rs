@@ -27,10 +27,10 @@ const BIOMES: usize = TEXTURE_SIDE / BIOME_STEP + 1;
 const TREE_TEXEL_M: f32 = 2.2;
 
 /// Linear albedos.
-const MEADOW_LUSH: Vec3 = Vec3::new(0.062, 0.118, 0.026);
-const MEADOW_DRY: Vec3 = Vec3::new(0.175, 0.158, 0.062);
-const MEADOW_HIGH: Vec3 = Vec3::new(0.115, 0.118, 0.052);
-const HEATH: Vec3 = Vec3::new(0.085, 0.075, 0.042);
+const MEADOW_LUSH: Vec3 = Vec3::new(0.068, 0.096, 0.030);
+const MEADOW_DRY: Vec3 = Vec3::new(0.150, 0.132, 0.062);
+const MEADOW_HIGH: Vec3 = Vec3::new(0.108, 0.106, 0.054);
+const HEATH: Vec3 = Vec3::new(0.078, 0.072, 0.040);
 const FOREST_FLOOR: Vec3 = Vec3::new(0.052, 0.046, 0.024);
 const MOSS: Vec3 = Vec3::new(0.042, 0.066, 0.018);
 const ROCK_DARK: Vec3 = Vec3::new(0.115, 0.108, 0.100);
@@ -187,14 +187,14 @@ fn between(biomes: &[(Biome, f32)], x: usize, z: usize) -> (Biome, f32) {
 /// Linear albedo of the ground.
 fn soil(biome: &Biome, moisture: f32, up: f32, above_water: f32, grain: &Grain) -> Vec3 {
     let Grain { broad, middle, small, fine } = *grain;
-    let dry = 1.0 - smoothstep(0.12, 0.7, moisture + 0.35 * broad + 0.18 * middle + 0.1 * small);
+    let dry = 1.0 - smoothstep(-0.1, 1.0, moisture + 0.55 * broad + 0.4 * middle + 0.3 * small);
     let lush = MEADOW_LUSH.lerp(MEADOW_DRY, dry);
     // High meadows are olive, not green; patches of heath lie in them.
     let grass = lush
         .lerp(MEADOW_HIGH, 0.55 * smoothstep(0.45, 0.95, biome.conifer + 0.2 * broad))
-        .lerp(HEATH, 0.75 * smoothstep(0.18, 0.5, middle + 0.5 * small - 0.25 * broad));
-    let litter = FOREST_FLOOR.lerp(MOSS, smoothstep(-0.1, 0.45, middle + 0.6 * small));
-    let forest = smoothstep(0.2, 0.6, biome.forest + 0.35 * small + 0.15 * fine);
+        .lerp(HEATH, 0.7 * smoothstep(0.0, 0.55, middle + 0.6 * small - 0.3 * broad));
+    let litter = FOREST_FLOOR.lerp(MOSS, smoothstep(-0.3, 0.6, middle + 0.7 * small + 0.3 * broad));
+    let forest = smoothstep(0.05, 0.8, biome.forest + 0.5 * small + 0.25 * middle + 0.2 * fine);
     let meadow = grass.lerp(litter, forest);
     let rock = ROCK_DARK
         .lerp(ROCK_LIGHT, smoothstep(-0.45, 0.5, middle + 0.7 * small + 0.35 * fine))

@@ -9,8 +9,9 @@ use super::Ground;
 use crate::math::hash::SplitMix64;
 use bevy::math::{Vec2, Vec3};
 
-/// Quads a side of every chunk.
-pub const CHUNK_QUADS: usize = 32;
+/// Quads a side of every chunk: few, because a triangle smaller than 16 pixels costs a software driver as much as one of
+/// 16; what is smaller than a quad is in the chunk's texture.
+pub const CHUNK_QUADS: usize = 16;
 /// Triangles of a chunk with its skirts.
 pub const CHUNK_TRIANGLES: usize = 2 * CHUNK_QUADS * CHUNK_QUADS + 8 * CHUNK_QUADS;
 /// Most levels: 64 km in chunks of 64 m are 11.

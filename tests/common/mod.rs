@@ -98,8 +98,13 @@ pub struct Stage {
 impl Stage {
     /// An app with the plugin; `None` without an adapter for that splat path.
     pub fn new(test: &str, splat_path: SplatPath) -> Option<Self> {
+        Self::with(test, splat_path, |_| ())
+    }
+
+    /// The same with more plugins.
+    pub fn with(test: &str, splat_path: SplatPath, add: impl FnOnce(&mut App)) -> Option<Self> {
         let turn = turn();
-        can_draw(test, splat_path).then(|| Self { app: headless_app(splat_path), _turn: turn })
+        can_draw(test, splat_path).then(|| Self { app: headless_app(splat_path, add), _turn: turn })
     }
 
     pub fn world(&mut self) -> &mut World {
@@ -239,7 +244,7 @@ impl Stage {
     }
 }
 
-fn headless_app(splat_path: SplatPath) -> App {
+fn headless_app(splat_path: SplatPath, add: impl FnOnce(&mut App)) -> App {
     // The log can be set up once in a process.
     static LOGGING: AtomicBool = AtomicBool::new(false);
     let mut settings = WgpuSettings::default();
@@ -269,6 +274,7 @@ fn headless_app(splat_path: SplatPath) -> App {
         .add_plugins(TreelinePlugin { splat_path, cache: CacheLocation::Off, ..default() })
         // Alpha 0 where nothing is drawn, so that pictures carry their coverage.
         .insert_resource(ClearColor(Color::NONE));
+    add(&mut app);
     app.finish();
     app.cleanup();
     app

@@ -22,10 +22,10 @@ pub(super) fn grain() -> Grain {
             + 0.4 * octave(17, 2).value
             + 0.5 * octave(37, 3).value
             + 0.4 * octave(61, 4).value;
-        let waves = octave(4, 5).slope / 4.0 * 0.5
-            + octave(9, 6).slope / 9.0 * 0.45
-            + octave(19, 7).slope / 19.0 * 0.35
-            + octave(37, 8).slope / 37.0 * 0.25;
+        let waves = octave(4, 5).slope * 0.22
+            + octave(9, 6).slope * 0.25
+            + octave(19, 7).slope * 0.26
+            + octave(37, 8).slope * 0.2;
         [0.5 + 0.5 * tufts, 0.5 + 0.35 * waves.x, 0.5 + 0.35 * waves.y]
     };
     let mut level: Vec<[f32; 3]> = (0..SIDE * SIDE).map(texel).collect();

@@ -52,7 +52,7 @@ impl GroundChunk {
             first: Vec2::new(key.x as f32, key.z as f32) * CHUNK_QUADS as f32,
             quad_m: tree.quad_m(key.level.into()),
             level: key.level.into(),
-            texture_place: TEXTURE_PLACE.into(),
+            texture_place: Vec2::new(TEXTURE_PLACE[0] / CHUNK_QUADS as f32, TEXTURE_PLACE[1]),
             texture_side: texture_side as f32,
             morphs: if key == tree.root() { 0.0 } else { 1.0 },
         }
@@ -173,20 +173,22 @@ impl Material for SkyMaterial {
 }
 
 /// A square of texels with all their smaller copies.
-pub(super) fn image(bytes: Vec<u8>, side: u32, mips: u32, srgb: bool, repeat: bool) -> Image {
-    let format = if srgb { TextureFormat::Rgba8UnormSrgb } else { TextureFormat::Rgba8Unorm };
+///
+/// Paintings are sRGB and end at their border; grain is linear, repeats, and takes the nearest copy.
+pub(super) fn image(bytes: Vec<u8>, side: u32, mips: u32, painting: bool) -> Image {
+    let format = if painting { TextureFormat::Rgba8UnormSrgb } else { TextureFormat::Rgba8Unorm };
     let size = Extent3d { width: side, height: side, depth_or_array_layers: 1 };
     let mut image =
         Image::new_uninit(size, TextureDimension::D2, format, RenderAssetUsages::RENDER_WORLD);
     image.data = Some(bytes);
     image.texture_descriptor.mip_level_count = mips;
-    let address = if repeat { ImageAddressMode::Repeat } else { ImageAddressMode::ClampToEdge };
+    let address = if painting { ImageAddressMode::ClampToEdge } else { ImageAddressMode::Repeat };
     image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {
         address_mode_u: address,
         address_mode_v: address,
         mag_filter: ImageFilterMode::Linear,
         min_filter: ImageFilterMode::Linear,
-        mipmap_filter: ImageFilterMode::Linear,
+        mipmap_filter: if painting { ImageFilterMode::Linear } else { ImageFilterMode::Nearest },
         ..default()
     });
     image

@@ -12,7 +12,7 @@ use super::{
 use crate::landscape::{
     Daylight,
     chunk::{ChunkMesh, ChunkSource, ChunkTexture},
-    quadtree::{CHUNK_TRIANGLES, ChunkKey, Cut, Eye, MOST_LEVELS, Quadtree},
+    quadtree::{CHUNK_QUADS, CHUNK_TRIANGLES, ChunkKey, Cut, Eye, MOST_LEVELS, Quadtree},
     sunlight::{Silhouette, SunShadow},
 };
 use bevy::{
@@ -114,7 +114,7 @@ fn make(scene: &Scene, sun: &SunState, key: ChunkKey, with_mesh: bool) -> Made {
         shade: landscape.shade.as_deref(),
     };
     let painted = ChunkTexture::new(&source, key);
-    let texture = image(painted.bytes, painted.side, painted.mips, true, false);
+    let texture = image(painted.bytes, painted.side, painted.mips, true);
     let mut mesh = with_mesh.then(|| ChunkMesh::new(ground, tree, key));
     let corners = mesh.as_mut().map(|made| {
         Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
@@ -146,7 +146,7 @@ pub(super) fn begin_anew(
     let Some(landscape) = landscape else { return };
     if !images.contains(&chunks.grain) {
         let made = grain();
-        chunks.grain = images.add(image(made.bytes, made.side, made.mips, false, true));
+        chunks.grain = images.add(image(made.bytes, made.side, made.mips, false));
     }
     chunks.scene = Some(Arc::new(Scene {
         tree: Quadtree::new(&*landscape.ground),
@@ -225,7 +225,7 @@ pub(super) fn stream_chunks(
     if !lod.wait {
         chunks.start(&scene, &sun, &cut, &old, &lod);
     }
-    chunks.show(&cut, &mut visibilities);
+    chunks.show(&mut visibilities);
     *counters = TerrainCounters {
         chunks: chunks.slots.len(),
         drawn: cut.drawn.len(),
@@ -329,7 +329,8 @@ impl Chunks {
         let half = 0.5 * scene.tree.chunk_m(key.level.into());
         let bounds = Aabb::from_min_max(Vec3::new(-half, low, -half), Vec3::new(half, high, half));
         // Vertices: 5 numbers; indices: 2 bytes.
-        let bytes = texture_bytes + (33 * 33 + 4 * 33) * 20 + CHUNK_TRIANGLES * 6;
+        let posts = (CHUNK_QUADS + 1) * (CHUNK_QUADS + 5);
+        let bytes = texture_bytes + posts * 20 + CHUNK_TRIANGLES * 6;
         let entity = commands.spawn((
             Name::new("ground chunk"),
             Mesh3d(assets.meshes.add(corners)),
@@ -440,8 +441,7 @@ impl Chunks {
     }
 
     /// Shows the cut of what has reached the GPU.
-    fn show(&mut self, cut: &Cut, visibilities: &mut Query<&mut Visibility>) {
-        let _ = cut;
+    fn show(&mut self, visibilities: &mut Query<&mut Visibility>) {
         let Some(scene) = self.scene.clone() else { return };
         let frame = self.frame;
         let ready = |key: ChunkKey| {
