@@ -62,6 +62,9 @@ const LAYERS: &[Layer] = &[
     Layer { at: "forest/near_mesh", may_name: &["math", "lod", "asset", "bake", "gpu::types"], may_not: &["bevy::render", "wgpu"] },
     Layer { at: "forest/settings", may_name: &["math", "lod"], may_not: NO_GPU_WORK },
     Layer { at: "landscape", may_name: &["math"], may_not: RENDERER },
+    // Tiles become `Forest` components.
+    Layer { at: "landscape/planting", may_name: &["asset", "forest"], may_not: RENDERER },
+    Layer { at: "landscape/streaming", may_name: &["forest"], may_not: RENDERER },
     // L3
     Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest"], may_not: &[] },
     Layer { at: "diagnostics", may_name: &["forest", "render"], may_not: RENDERER },

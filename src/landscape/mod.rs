@@ -1,7 +1,8 @@
 //! L2, feature `landscape`: ground, forest and camera path for demos, tests and games that have none of their own.
 //!
 //! `ground` (any heights) → `biome` and `pattern` (where forest grows) → `scatter` (plants, tile by tile) → `planted` (with
-//! edits by hand) → `flight` (a closed camera path past and over them). All pure and seeded.
+//! edits by hand) → `flight` (a closed camera path past and over them): all pure and seeded. `planting` and `streaming` bring
+//! tiles into the scene around the cameras.
 
 mod amount;
 pub mod biome;
@@ -18,11 +19,13 @@ pub mod planted;
 #[cfg(test)]
 mod planted_tests;
 mod planter;
+pub mod planting;
 pub mod scatter;
 mod scatter_on;
 #[cfg(test)]
 mod scatter_tests;
 mod stand;
+mod streaming;
 #[cfg(test)]
 mod test_ground;
 
@@ -35,6 +38,9 @@ pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use mesh_ground::{MeshGround, MeshGroundError};
 pub use pattern::ForestPattern;
 pub use planted::{EditError, FoundTree, GroundMark, PlantedForest, SavedForest, TilePlan};
+pub use planting::{
+    ForestTile, Planting, PlantingCounters, PlantingPlugin, PlantingSettings, PlantingSpecies,
+};
 pub use scatter::{
     Scatter, ScatterError, ScatterSettings, ScatterSpecies, ScatteredTree, TreeAmount,
 };
