@@ -65,6 +65,9 @@ const LAYERS: &[Layer] = &[
     Layer { at: "landscape", may_name: &["math"], may_not: ENGINE },
     // Materials of its own, which bind GPU resources.
     Layer { at: "landscape/draw", may_name: &["math", "shaders"], may_not: &[] },
+    // Tiles become `Forest` components.
+    Layer { at: "landscape/planting", may_name: &["asset", "forest"], may_not: RENDERER },
+    Layer { at: "landscape/streaming", may_name: &["forest"], may_not: RENDERER },
     // L3
     Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest"], may_not: &[] },
     Layer { at: "diagnostics", may_name: &["forest", "render"], may_not: RENDERER },

@@ -120,8 +120,8 @@ fn bisect(f: impl Fn(f32) -> f64, goal: f64) -> f32 {
 
 /// The density at which exactly `total` candidates are taken; `None` if the ground has not as many near `per_m2`.
 fn count(planter: &Planter, total: u64, per_m2: f32, tiles: &[IVec2]) -> Option<f32> {
-    // Enough for the sampling's error and chance.
-    let up_to = per_m2 * (1.1 + 4.0 / (total as f32).sqrt());
+    // Enough for the sampling's error and for chance, which is large where the total is small.
+    let up_to = per_m2 * (1.15 + 5.0 / (total as f32).sqrt() + 12.0 / total as f32);
     let thresholds = |tile: IVec2| {
         let threshold = |c: Candidate| {
             let place = tile.as_vec2() * planter.tile_m + c.place;
@@ -143,7 +143,8 @@ fn count(planter: &Planter, total: u64, per_m2: f32, tiles: &[IVec2]) -> Option<
     if all.len() <= last {
         return None;
     }
-    // The first that is not taken.
-    let (_, limit, _) = all.select_nth_unstable_by(last, f32::total_cmp);
-    Some(*limit)
+    // Between the last that is taken and the first that is not: rounding decides nothing.
+    let (taken, limit, _) = all.select_nth_unstable_by(last, f32::total_cmp);
+    let taken = taken.iter().copied().fold(0.0, f32::max);
+    Some(0.5 * (taken + *limit))
 }

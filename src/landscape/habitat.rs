@@ -102,7 +102,7 @@ impl Habitat {
     /// How well the place suits, 0 to 1; 0 where the plant never grows.
     pub(super) fn fit(&self, biome: &Biome, site: &Site) -> f32 {
         let limit = self.max_slope_deg.to_radians();
-        if !(site.slope <= limit) {
+        if site.slope.is_nan() || site.slope > limit {
             return 0.0;
         }
         let within = |[from, to]: [f32; 2], value: f32| {

@@ -27,6 +27,7 @@ pub mod planted;
 #[cfg(test)]
 mod planted_tests;
 mod planter;
+pub mod planting;
 pub mod quadtree;
 pub mod scatter;
 mod scatter_on;
@@ -34,6 +35,7 @@ mod scatter_on;
 mod scatter_tests;
 pub mod shade;
 mod stand;
+mod streaming;
 pub mod sunlight;
 pub mod terrain;
 #[cfg(test)]
@@ -55,6 +57,9 @@ pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use mesh_ground::{MeshGround, MeshGroundError};
 pub use pattern::ForestPattern;
 pub use planted::{EditError, FoundTree, GroundMark, PlantedForest, SavedForest, TilePlan};
+pub use planting::{
+    ForestTile, Planting, PlantingCounters, PlantingPlugin, PlantingSettings, PlantingSpecies,
+};
 pub use scatter::{
     Scatter, ScatterError, ScatterSettings, ScatterSpecies, ScatteredTree, TreeAmount,
 };

@@ -146,7 +146,7 @@ impl PlantedForest {
         (position.xz() / self.scatter.tile_size_m()).floor().as_ivec2()
     }
 
-    /// Plants a tree; anywhere, also off the ground or beyond it.
+    /// Plants a tree anywhere above or in the ground, also where none would grow.
     ///
     /// # Errors
     /// [`EditError::Tree`] for a tree that cannot be drawn.
@@ -222,17 +222,11 @@ impl PlantedForest {
         let low = ((position.xz() - radius) / size).floor().as_ivec2();
         let high = ((position.xz() + radius) / size).floor().as_ivec2();
         let inside = low.max(first).y..=high.min(last).y;
-        let mut tiles: BTreeSet<[i32; 2]> = inside
-            .flat_map(|z| (low.max(first).x..=high.min(last).x).map(move |x| [x, z]))
-            .collect();
-        // Trees can be planted beyond the ground.
-        let edited = self.tiles.keys().map(|t| IVec2::from_array(*t));
-        tiles.extend(
-            edited.filter(|t| t.cmpge(low).all() && t.cmple(high).all()).map(|t| t.to_array()),
-        );
+        let tiles = inside
+            .flat_map(|z| (low.max(first).x..=high.min(last).x).map(move |x| IVec2::new(x, z)));
         let mut found: Vec<FoundTree> = vec![];
         for tile in tiles {
-            let trees = self.kept(IVec2::from_array(tile));
+            let trees = self.kept(tile);
             found.extend(trees.iter().filter_map(|(id, tree)| {
                 let distance_m = tree.position.distance(position);
                 (distance_m <= radius).then_some(FoundTree { id: *id, tree: *tree, distance_m })
@@ -261,9 +255,11 @@ impl PlantedForest {
 
     fn check(&self, tree: &ScatteredTree) -> Result<(), EditError> {
         let wrong = |what: String, must: &str| Err(EditError::Tree { what, must: must.to_owned() });
-        let far = tree.position.abs().max_element();
-        if !(far < 1e6) {
-            return wrong(format!("position {}", tree.position), "finite and below 1e6 m");
+        let half = self.scatter.ground().side_m() * 0.5;
+        let aside = tree.position.xz().abs().max_element();
+        if !(tree.position.is_finite() && aside < half) {
+            let must = format!("finite and within {half} m of the middle in x and z");
+            return wrong(format!("position {}", tree.position), &must);
         }
         if !(tree.scale.is_finite() && tree.scale > 0.0) {
             return wrong(format!("scale {}", tree.scale), "positive and finite");

@@ -57,7 +57,7 @@ impl Stands {
         layer: Layer,
         seed: u64,
     ) -> Self {
-        let mut streams = SplitMix64(seed ^ 0x57A4_D5 ^ (layer as u64) << 32);
+        let mut streams = SplitMix64(seed ^ 0x0057_A4D5 ^ (layer as u64) << 32);
         let members: Vec<(u16, Field)> = species
             .iter()
             .enumerate()
