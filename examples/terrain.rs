@@ -29,14 +29,19 @@ fn setup(mut commands: Commands) {
 }
 
 /// A wide circle, 120 m over the ground.
-fn fly(time: Res<Time>, landscape: Res<Landscape>, mut camera: Single<&mut Transform, With<Camera3d>>) {
+fn fly(
+    time: Res<Time>,
+    landscape: Res<Landscape>,
+    mut camera: Single<&mut Transform, With<Camera3d>>,
+) {
     let ground = &landscape.ground;
     let at = |seconds: f32| {
         let (z, x) = (seconds * 0.008).sin_cos();
         let (x, z) = (x * 0.3 * ground.side_m(), z * 0.3 * ground.side_m());
         // The highest of what lies around: no sudden climbs.
         let around = [(0.0, 0.0), (200.0, 0.0), (-200.0, 0.0), (0.0, 200.0), (0.0, -200.0)];
-        let top = around.map(|(dx, dz)| ground.height(x + dx, z + dz)).into_iter().fold(0.0, f32::max);
+        let top =
+            around.map(|(dx, dz)| ground.height(x + dx, z + dz)).into_iter().fold(0.0, f32::max);
         Vec3::new(x, top + 120.0, z)
     };
     let (here, ahead) = (at(time.elapsed_secs()), at(time.elapsed_secs() + 3.0));

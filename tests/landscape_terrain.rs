@@ -107,7 +107,10 @@ fn pictures_to_look_at() {
         if frames > 0 {
             let cpu = cpu_seconds();
             stage.step(frames);
-            println!("{i}: {:.1} ms of CPU a frame", (cpu_seconds() - cpu) / f64::from(frames) * 1e3);
+            println!(
+                "{i}: {:.1} ms of CPU a frame",
+                (cpu_seconds() - cpu) / f64::from(frames) * 1e3
+            );
         }
     }
 }

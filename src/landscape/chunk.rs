@@ -83,7 +83,7 @@ impl ChunkMesh {
         for side in 0..4 {
             for n in 0..POSTS {
                 let (i, k) = border(side, n);
-                add(i, k, 1.5 * quad);
+                add(i, k, 0.4 * quad);
             }
         }
         mesh
@@ -95,8 +95,7 @@ impl ChunkMesh {
         let post = |i: usize, k: usize| (k * POSTS + i) as u16;
         for k in 0..CHUNK_QUADS {
             for i in 0..CHUNK_QUADS {
-                let [a, b, c, d] =
-                    [post(i, k), post(i + 1, k), post(i, k + 1), post(i + 1, k + 1)];
+                let [a, b, c, d] = [post(i, k), post(i + 1, k), post(i, k + 1), post(i + 1, k + 1)];
                 corners.extend([a, c, b, b, c, d]);
             }
         }
@@ -227,7 +226,9 @@ mod tests {
         let texels: usize = (0..noon.mips).map(|m| (noon.side as usize >> m).pow(2)).sum();
         assert_eq!(noon.bytes.len(), texels * 4);
         assert_eq!(noon, texture(Vec3::new(0.3, 0.9, 0.2).normalize()));
-        let sun = |t: &ChunkTexture| t.bytes.iter().skip(3).step_by(4).map(|b| f64::from(*b)).sum::<f64>();
+        let sun = |t: &ChunkTexture| {
+            t.bytes.iter().skip(3).step_by(4).map(|b| f64::from(*b)).sum::<f64>()
+        };
         let evening = texture(Vec3::new(0.95, 0.12, 0.2).normalize());
         assert!(sun(&evening) < 0.6 * sun(&noon), "{} {}", sun(&evening), sun(&noon));
         let distinct: std::collections::BTreeSet<_> =

@@ -131,7 +131,8 @@ fn sun_direction(time: &TimeOfDay) -> Vec3 {
     let y = latitude.sin() * declination.sin() + latitude.cos() * declination.cos() * angle.cos();
     // East is +x, north is −z; the sun is in the south at noon.
     let east = -declination.cos() * angle.sin();
-    let north = latitude.cos() * declination.sin() - latitude.sin() * declination.cos() * angle.cos();
+    let north =
+        latitude.cos() * declination.sin() - latitude.sin() * declination.cos() * angle.cos();
     Vec3::new(east, y, -north).normalize_or(Vec3::Y)
 }
 

@@ -184,7 +184,9 @@ fn describe(json: &Path) -> Result<Description, DemError> {
     let found: Description = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     let Description { spacing_m, height_min_m, height_max_m, width, height } = found;
     if !(spacing_m > 0.0 && spacing_m <= 10_000.0) {
-        return Err(wrong(format!("`spacing_m` is {spacing_m}; it must be above 0 and at most 10,000")));
+        return Err(wrong(format!(
+            "`spacing_m` is {spacing_m}; it must be above 0 and at most 10,000"
+        )));
     }
     if !(height_min_m.is_finite() && height_max_m.is_finite() && height_max_m > height_min_m) {
         return Err(wrong(format!(

@@ -176,8 +176,7 @@ impl Flow {
             let diagonal = i.abs_diff(to) != 1 && i.abs_diff(to) != self.columns;
             let distance = if diagonal { cell * std::f32::consts::SQRT_2 } else { cell };
             let hardness = 0.55 + 0.9 * unit_from_bits(i as u32 ^ 0xE0D);
-            let power =
-                hardness * TIME * (drained[i] * area_share).powf(AREA_EXPONENT) / distance;
+            let power = hardness * TIME * (drained[i] * area_share).powf(AREA_EXPONENT) / distance;
             let raised = heights.posts[i] + TIME * uplift[i] * scale;
             heights.posts[i] = (raised + power * heights.posts[to]) / (1.0 + power);
         }

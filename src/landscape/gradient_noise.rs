@@ -88,8 +88,9 @@ mod tests {
 
     #[test]
     fn noise_uses_its_range_and_not_more() {
-        let values: Vec<f32> =
-            (0..20_000).map(|i| noise(Vec2::new(i as f32 * 0.173, i as f32 * 0.071), 1).value).collect();
+        let values: Vec<f32> = (0..20_000)
+            .map(|i| noise(Vec2::new(i as f32 * 0.173, i as f32 * 0.071), 1).value)
+            .collect();
         let highest = values.iter().copied().fold(f32::MIN, f32::max);
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         assert!(highest > 0.6 && highest < 1.5, "{highest}");

@@ -166,7 +166,8 @@ impl<'a> Painter<'a> {
 fn between(biomes: &[(Biome, f32)], x: usize, z: usize) -> (Biome, f32) {
     let (i, k) = (x / BIOME_STEP, z / BIOME_STEP);
     let [fx, fz] = [x, z].map(|v| (v % BIOME_STEP) as f32 / BIOME_STEP as f32);
-    let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dz)| &biomes[(k + dz) * BIOMES + i + dx]);
+    let corners =
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dz)| &biomes[(k + dz) * BIOMES + i + dx]);
     let weights = [(1.0 - fx) * (1.0 - fz), fx * (1.0 - fz), (1.0 - fx) * fz, fx * fz];
     let mix = |part: &dyn Fn(&(Biome, f32)) -> f32| {
         corners.iter().zip(weights).map(|(b, w)| part(b) * w).sum::<f32>()

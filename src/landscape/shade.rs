@@ -54,7 +54,8 @@ impl ShadeMap {
         let size = self.texel_m * self.side as f32;
         let mut crowns = Vec::new();
         // Only trees towards the sun throw shadows here.
-        let flat = Vec2::new(to_sun.x, to_sun.z).normalize_or_zero() * reach.min(lean(to_sun) * tallest + 12.0);
+        let flat = Vec2::new(to_sun.x, to_sun.z).normalize_or_zero()
+            * reach.min(lean(to_sun) * tallest + 12.0);
         let low = self.corner.min(self.corner + flat) - 12.0;
         let high = (self.corner + size).max(self.corner + size + flat) + 12.0;
         source.crowns(low, high, &mut crowns);
@@ -68,7 +69,8 @@ impl ShadeMap {
         // Low suns shine under less of a loose stand.
         let lengthening = 1.0 + 0.6 * lean(to_sun).min(LONGEST);
         for i in 0..self.side * self.side {
-            let at = self.corner + Vec2::new((i % self.side) as f32, (i / self.side) as f32) * self.texel_m;
+            let at = self.corner
+                + Vec2::new((i % self.side) as f32, (i / self.side) as f32) * self.texel_m;
             let cover = source.cover(at.x, at.y).clamp(0.0, 1.0);
             let shaded = 1.0 - (1.0 - cover).powf(lengthening);
             self.sun[i] = 1.0 - (1.0 - FOREST_FLOOR) * shaded;
@@ -98,7 +100,15 @@ impl ShadeMap {
     }
 
     /// Multiplies a soft, uneven ellipse.
-    fn ellipse(&mut self, at: Vec2, along: Vec2, axes: [f32; 2], seed: u32, through: f32, sun: bool) {
+    fn ellipse(
+        &mut self,
+        at: Vec2,
+        along: Vec2,
+        axes: [f32; 2],
+        seed: u32,
+        through: f32,
+        sun: bool,
+    ) {
         let reach = axes[0].max(axes[1]) * 1.15;
         let texel = |v: f32| (v / self.texel_m).clamp(0.0, self.side as f32) as usize;
         let (low, high) = (at - reach - self.corner, at + reach - self.corner);
@@ -148,7 +158,9 @@ mod tests {
         let tree = One(Crown { position: Vec3::ZERO, radius_m: 3.0, height_m: 14.0 });
         let mut map = ShadeMap::open(Vec2::splat(-32.0), 0.5, 128);
         map.stamp(&tree, Vec3::new(1.0, 1.0, 0.0).normalize());
-        let at = |x: f32, z: f32| map.sun[((z + 32.0) * 2.0) as usize * 128 + ((x + 32.0) * 2.0) as usize];
+        let at = |x: f32, z: f32| {
+            map.sun[((z + 32.0) * 2.0) as usize * 128 + ((x + 32.0) * 2.0) as usize]
+        };
         assert!(at(-8.5, 0.0) < 0.4, "under the crown's shadow: {}", at(-8.5, 0.0));
         assert!(at(-1.0, 0.0) < 0.8, "beside the foot: {}", at(-1.0, 0.0));
         assert_eq!(at(8.0, 0.0), 1.0);
@@ -159,7 +171,8 @@ mod tests {
 
     #[test]
     fn a_tree_outside_the_map_shades_into_it() {
-        let tree = One(Crown { position: Vec3::new(40.0, 0.0, 0.0), radius_m: 3.0, height_m: 14.0 });
+        let tree =
+            One(Crown { position: Vec3::new(40.0, 0.0, 0.0), radius_m: 3.0, height_m: 14.0 });
         let mut map = ShadeMap::open(Vec2::splat(-32.0), 0.5, 128);
         map.stamp(&tree, Vec3::new(1.0, 0.5, 0.0).normalize());
         assert!(map.sun.iter().any(|s| *s < 0.5));

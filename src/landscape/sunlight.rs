@@ -46,11 +46,8 @@ impl Silhouette {
         let mut tops = vec![f32::NEG_INFINITY; POSTS * POSTS];
         let heights = &self.heights.posts;
         for step in 1..POSTS {
-            let (i, before) = if main > 0.0 {
-                (POSTS - 1 - step, POSTS - step)
-            } else {
-                (step, step - 1)
-            };
+            let (i, before) =
+                if main > 0.0 { (POSTS - 1 - step, POSTS - step) } else { (step, step - 1) };
             for k in 0..POSTS {
                 let from = (k as f32 + lean).clamp(0.0, (POSTS - 1) as f32);
                 let low = (from as usize).min(POSTS - 2);

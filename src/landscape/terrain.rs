@@ -168,7 +168,9 @@ impl NoiseTerrain {
             // Shores rise gently.
             plan.uplift(x, z) * (0.15 + 0.85 * smoothstep(0.0, 0.35, plan.base(x, z) - shore))
         };
-        let unevenness = |x: f32, z: f32| plan.base(x, z) + 0.6 * fractal(plan.place(x, z) * 9.0, 4, seed ^ 0x77);
+        let unevenness = |x: f32, z: f32| {
+            plan.base(x, z) + 0.6 * fractal(plan.place(x, z) * 9.0, 4, seed ^ 0x77)
+        };
         let shaping = Shaping {
             uplift: &uplift,
             outlet: &outlet,
@@ -244,7 +246,9 @@ impl Ground for NoiseTerrain {
         let slope = Vec2::new(dx, dz) / self.cell_m;
         let steep = slope.length();
         // Meadows undulate, slopes are rough, and what lies under water is smooth.
-        let dry = self.water_m.map_or(1.0, |level| smoothstep(-0.5, 0.02 * self.cell_m.max(60.0), coarse - level));
+        let dry = self
+            .water_m
+            .map_or(1.0, |level| smoothstep(-0.5, 0.02 * self.cell_m.max(60.0), coarse - level));
         let rough = self.rough_m * dry * (0.05 + smoothstep(0.03, 0.75, steep));
         let mut sum = 0.0;
         let mut drift = slope * 0.6;
@@ -316,7 +320,8 @@ fn wetness(drained: &[f32], cells: usize) -> HeightGrid {
     let (posts, half) = (cells + 1, cells / 2 + 1);
     let full = (cells as f32).powf(1.2);
     let mut grid = HeightGrid::new(half, half, |x, z| {
-        let index = |dx: usize, dz: usize| (2 * z + dz).min(cells) * posts + (2 * x + dx).min(cells);
+        let index =
+            |dx: usize, dz: usize| (2 * z + dz).min(cells) * posts + (2 * x + dx).min(cells);
         let area = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dz)| drained[index(dx, dz)]);
         (area.into_iter().fold(1.0, f32::max).ln() / full.ln()).clamp(0.0, 1.0)
     });
@@ -383,7 +388,10 @@ mod tests {
             let water = share(&|s| s.above_water_m < 0.0);
             let high = share(&|s| s.height_m > 450.0);
             println!("seed {seed}: flat {flat} steep {steep} water {water} high {high}");
-            assert!(flat > 0.15 && steep > 0.04 && high > 0.02, "seed {seed}: {flat} {steep} {high}");
+            assert!(
+                flat > 0.15 && steep > 0.04 && high > 0.02,
+                "seed {seed}: {flat} {steep} {high}"
+            );
             assert!((0.01..0.25).contains(&water), "seed {seed}: {water}");
         }
     }
@@ -397,7 +405,9 @@ mod tests {
         let base = TerrainSettings { side_m: 1000.0, ..Default::default() };
         assert!(error(TerrainSettings { side_m: f32::NAN, ..base.clone() }).contains("side_m"));
         assert!(error(TerrainSettings { mountains: 2.0, ..base.clone() }).contains("mountains"));
-        assert!(error(TerrainSettings { relief_m: Some(-1.0), ..base.clone() }).contains("relief_m"));
+        assert!(
+            error(TerrainSettings { relief_m: Some(-1.0), ..base.clone() }).contains("relief_m")
+        );
         let drowned = error(TerrainSettings { water: Water::Level(5000.0), ..base });
         assert!(drowned.contains("above everything") && drowned.contains("5000"), "{drowned}");
     }

@@ -178,12 +178,8 @@ impl Material for SkyMaterial {
 pub(super) fn image(bytes: Vec<u8>, side: u32, mips: u32, painting: bool) -> Image {
     let format = if painting { TextureFormat::Rgba8UnormSrgb } else { TextureFormat::Rgba8Unorm };
     let size = Extent3d { width: side, height: side, depth_or_array_layers: 1 };
-    let mut image = Image::new_uninit(
-        size,
-        TextureDimension::D2,
-        format,
-        RenderAssetUsages::RENDER_WORLD,
-    );
+    let mut image =
+        Image::new_uninit(size, TextureDimension::D2, format, RenderAssetUsages::RENDER_WORLD);
     image.data = Some(bytes);
     image.texture_descriptor.mip_level_count = mips;
     let address = if painting { ImageAddressMode::ClampToEdge } else { ImageAddressMode::Repeat };

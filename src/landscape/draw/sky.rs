@@ -155,13 +155,17 @@ pub(super) fn haze_cameras(
         // Fog colours are not exposed by Bevy; its glow is, by the sun's own colour.
         let exposed = 1000.0 * exposure.copied().unwrap_or_default().exposure();
         let sun = (light.light_color * light.illuminance).max(Vec3::splat(1.0)) * 1e-3;
-        let wanted = (color(light.horizon * exposed), color((light.glow * 0.55 / sun).min(Vec3::splat(8.0))));
+        let wanted = (
+            color(light.horizon * exposed),
+            color((light.glow * 0.55 / sun).min(Vec3::splat(8.0))),
+        );
         if (fog.color, fog.directional_light_color) != wanted {
             (fog.color, fog.directional_light_color) = wanted;
             fog.directional_light_exponent = 8.0;
         }
         let falloff = FogFalloff::Exponential { density: 3.0 / visibility };
-        if !matches!(fog.falloff, FogFalloff::Exponential { density } if density == 3.0 / visibility) {
+        if !matches!(fog.falloff, FogFalloff::Exponential { density } if density == 3.0 / visibility)
+        {
             fog.falloff = falloff;
         }
     }
@@ -190,9 +194,8 @@ pub(super) fn draw_sky(
             }
             // One triangle over the whole screen, in clip space.
             let corners = vec![[-1.0, -1.0, 0.0], [3.0, -1.0, 0.0], [-1.0, 3.0, 0.0f32]];
-            let mesh =
-                Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
-                    .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners);
+            let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
+                .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners);
             commands.spawn((
                 Name::new("sky"),
                 SkyBehind,

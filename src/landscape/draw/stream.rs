@@ -132,14 +132,17 @@ pub(super) fn begin_anew(
     mut chunks: ResMut<Chunks>,
     mut images: ResMut<Assets<Image>>,
 ) {
-    if landscape.as_ref().is_some_and(|l| !l.is_changed()) || (landscape.is_none() && chunks.scene.is_none()) {
+    if landscape.as_ref().is_some_and(|l| !l.is_changed())
+        || (landscape.is_none() && chunks.scene.is_none())
+    {
         return;
     }
     for slot in chunks.slots.values() {
         commands.entity(slot.entity).despawn();
     }
     // Tasks of the old landscape are cancelled as they are dropped.
-    *chunks = Chunks { coarser: 1.0, grain: chunks.grain.clone(), frame: chunks.frame, ..default() };
+    *chunks =
+        Chunks { coarser: 1.0, grain: chunks.grain.clone(), frame: chunks.frame, ..default() };
     let Some(landscape) = landscape else { return };
     if !images.contains(&chunks.grain) {
         let made = grain();
@@ -234,7 +237,10 @@ pub(super) fn stream_chunks(
 }
 
 impl Chunks {
-    fn follow_sun(&mut self, suns: &Query<(&GlobalTransform, Has<Sun>), With<DirectionalLight>>) -> Arc<SunState> {
+    fn follow_sun(
+        &mut self,
+        suns: &Query<(&GlobalTransform, Has<Sun>), With<DirectionalLight>>,
+    ) -> Arc<SunState> {
         // Our own sun, or whichever light there is.
         let light = suns.iter().max_by_key(|(_, ours)| *ours);
         let to_sun = light.map_or(Vec3::Y, |(transform, _)| transform.back().into());
@@ -283,7 +289,9 @@ impl Chunks {
         let seen = |key: &&ChunkKey| {
             let Some(slot) = self.slots.get(*key) else { return false };
             let place = bevy::math::Affine3A::from_translation(slot.middle);
-            viewers.iter().any(|(.., frustum)| frustum.intersects_obb(&slot.bounds, &place, true, false))
+            viewers
+                .iter()
+                .any(|(.., frustum)| frustum.intersects_obb(&slot.bounds, &place, true, false))
         };
         cut.drawn.iter().filter(seen).count()
     }
@@ -338,8 +346,17 @@ impl Chunks {
         }
         self.bytes += bytes;
         let (made_at, middle) = (self.frame, mesh.middle);
-        let slot =
-            Slot { entity, material, bounds, middle, bytes, sun, made_at, used_at: made_at, shown: false };
+        let slot = Slot {
+            entity,
+            material,
+            bounds,
+            middle,
+            bytes,
+            sun,
+            made_at,
+            used_at: made_at,
+            shown: false,
+        };
         self.slots.insert(key, slot);
     }
 
@@ -399,7 +416,14 @@ impl Chunks {
     }
 
     /// Starts tasks for what is most urgent: holes before old light.
-    fn start(&mut self, scene: &Arc<Scene>, sun: &Arc<SunState>, cut: &Cut, old: &[ChunkKey], lod: &TerrainLod) {
+    fn start(
+        &mut self,
+        scene: &Arc<Scene>,
+        sun: &Arc<SunState>,
+        cut: &Cut,
+        old: &[ChunkKey],
+        lod: &TerrainLod,
+    ) {
         let pool = AsyncComputeTaskPool::get();
         let most = 2 * pool.thread_num().max(1);
         let full = self.bytes > lod.memory_mb.max(16) as usize * 1_000_000;
