@@ -52,6 +52,24 @@ const DEF_SETS: &[(&str, &[&[Def]])] = &[
     ("resolve/resolve.wgsl", VIEWS),
     ("resolve/resolve.wgsl", FOGS),
     ("resolve/resolve.wgsl", DEBUG_VIEWS),
+    ("landscape/ground.wgsl", VIEWS),
+    ("landscape/sky.wgsl", VIEWS),
+    ("landscape/ground_prepass.wgsl", PREPASSES),
+];
+
+/// Def sets of Bevy's prepasses (`PrepassPipeline::specialize`).
+const PREPASSES: &[&[Def]] = &[
+    // Depth alone has no fragment shader.
+    &[on("PREPASS_PIPELINE"), on("DEPTH_PREPASS")],
+    &[on("PREPASS_PIPELINE"), on("DEPTH_PREPASS"), on("PREPASS_FRAGMENT"), on("NORMAL_PREPASS")],
+    &[
+        on("PREPASS_PIPELINE"),
+        on("PREPASS_FRAGMENT"),
+        on("NORMAL_PREPASS"),
+        on("MOTION_VECTOR_PREPASS"),
+        on("DEFERRED_PREPASS"),
+        on("UNCLIPPED_DEPTH_ORTHO_EMULATION"),
+    ],
 ];
 
 /// Def sets of Bevy's mesh view (`MeshPipeline::specialize`) that a pass in Bevy's main pass meets. For `DEF_SETS` rows of

@@ -89,9 +89,9 @@ fn ground(in: GroundVertex) -> @location(0) vec4<f32> {
 
 fn water(world: vec3<f32>, from_eye: vec3<f32>, distance: f32, depth: f32, bed: vec3<f32>, light: vec3<f32>, sunlit: f32) -> vec3<f32> {
     let time = frame.water.y;
-    let level = log2(distance * 0.012);
+    let level = max(log2(distance * 0.012), 0.0);
     let one = textureSampleLevel(grain, grain_sampler, world.xz * 0.043 + vec2(0.011, 0.007) * time, level).gb;
-    let two = textureSampleLevel(grain, grain_sampler, world.zx * 0.019 - vec2(0.006, 0.009) * time, level - 1.0).gb;
+    let two = textureSampleLevel(grain, grain_sampler, world.zx * 0.019 - vec2(0.006, 0.009) * time, max(level - 1.0, 0.0)).gb;
     // Far waves are smaller than pixels.
     let rough = 0.34 / (1.0 + distance * 0.004);
     let slope = (one + two.yx - 1.0) * rough;

@@ -83,7 +83,7 @@ impl ChunkMesh {
         for side in 0..4 {
             for n in 0..POSTS {
                 let (i, k) = border(side, n);
-                add(i, k, 1.5 * quad);
+                add(i, k, 0.4 * quad);
             }
         }
         mesh

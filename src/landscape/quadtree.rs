@@ -21,7 +21,7 @@ const LEAF_M: f32 = 64.0;
 /// Least distance of a level in sides of its chunk. √2 would do for the rules above; more leaves room to morph in.
 const LEAST_SIDES: f32 = 1.8;
 /// More detail than this is not worth its chunks.
-const MOST_SIDES: f32 = 3.6;
+const MOST_SIDES: f32 = 3.0;
 
 /// A chunk: level 0 is the finest; x and z count chunks of its level from the corner of least x and z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -67,6 +67,14 @@ pub fn bevy_plugins(window: Option<Window>) -> PluginGroupBuilder {
 
 /// An app without a window, ready to update. Trees come from the caller, so the plugin's own cache is off.
 pub fn headless_app(splat_path: SplatPath) -> ToolResult<App> {
+    headless_app_with(splat_path, |_| Ok(()))
+}
+
+/// The same, with plugins of the caller's.
+pub fn headless_app_with(
+    splat_path: SplatPath,
+    build: impl FnOnce(&mut App) -> ToolResult,
+) -> ToolResult<App> {
     // Bevy panics without an adapter; ask first.
     bevy_treeline::gpu::headless::headless_device()
         .map_err(|error| ToolError::NoGpu(error.to_string()))?;
@@ -74,6 +82,7 @@ pub fn headless_app(splat_path: SplatPath) -> ToolResult<App> {
     app.add_plugins(bevy_plugins(None))
         .add_plugins(RenderDiagnosticsPlugin)
         .add_plugins(TreelinePlugin { splat_path, cache: CacheLocation::Off, ..default() });
+    build(&mut app)?;
     app.finish();
     app.cleanup();
     if let Some(info) = app.world().get_resource::<RenderAdapterInfo>() {

@@ -51,7 +51,7 @@ impl Landscape {
 /// How much ground is drawn.
 #[derive(Resource, Clone, Debug, PartialEq)]
 pub struct TerrainLod {
-    /// Largest error of the ground's shape in pixels, 0.5 to 16. Default: 2.
+    /// Largest error of the ground's shape in pixels, 0.5 to 16. Default: 3.
     pub error_px: f32,
     /// Most triangles in view a frame; beyond it the error grows. Default: 300,000.
     pub max_triangles: usize,
@@ -70,7 +70,7 @@ pub struct TerrainLod {
 impl Default for TerrainLod {
     fn default() -> Self {
         Self {
-            error_px: 2.0,
+            error_px: 3.0,
             max_triangles: 300_000,
             memory_mb: 192,
             main_thread_ms: 4.0,
