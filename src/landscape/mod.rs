@@ -29,6 +29,7 @@ mod planted_tests;
 mod planter;
 pub mod planting;
 pub mod quadtree;
+pub mod saved;
 pub mod scatter;
 mod scatter_on;
 #[cfg(test)]
@@ -56,10 +57,11 @@ pub use habitat::{Habitat, PlantKind};
 pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
 pub use mesh_ground::{MeshGround, MeshGroundError};
 pub use pattern::ForestPattern;
-pub use planted::{EditError, FoundTree, GroundMark, PlantedForest, SavedForest, TilePlan};
+pub use planted::{EditError, FoundTree, PlantedForest, TilePlan};
 pub use planting::{
     ForestTile, Planting, PlantingCounters, PlantingPlugin, PlantingSettings, PlantingSpecies,
 };
+pub use saved::{GroundMark, SavedForest};
 pub use scatter::{
     Scatter, ScatterError, ScatterSettings, ScatterSpecies, ScatteredTree, TreeAmount,
 };

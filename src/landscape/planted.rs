@@ -1,24 +1,17 @@
-//! A scattered forest with its edits: trees by tile, nearest trees, and the forest as text.
+//! A scattered forest with its edits: trees by tile, and nearest trees.
 //!
-//! Saved are settings, species, a mark of the ground and the edits; trees are scattered again. A tile's trees cost what
-//! [`Scatter::tile`] costs; queries keep the last tiles they needed.
+//! A tile's trees cost what [`Scatter::tile`] costs; queries keep the last tiles they needed.
 
-use super::{ForestEdits, Ground, Scatter, ScatterSettings, ScatterSpecies, ScatteredTree, TreeId};
-use bevy::math::{IVec2, Vec2, Vec3, Vec3Swizzles};
-use serde::{Deserialize, Serialize};
+use super::{ForestEdits, SavedForest, Scatter, ScatteredTree, TreeId};
+use bevy::math::{IVec2, Vec3, Vec3Swizzles};
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::{Arc, Mutex, PoisonError},
 };
 use thiserror::Error;
 
-/// Of the text. Another number is refused.
-const VERSION: u32 = 1;
 /// Tiles that queries keep.
 const KEPT_TILES: usize = 16;
-/// Heights of the same ground may differ by this much between machines, in metres.
-const SAME_HEIGHT_M: f32 = 0.02;
-
 /// Why a forest could not be edited or read.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum EditError {
@@ -105,7 +98,7 @@ type KeptTile = (IVec2, Arc<Vec<(TreeId, ScatteredTree)>>);
 /// A scattered forest with its edits.
 pub struct PlantedForest {
     scatter: Arc<Scatter>,
-    edits: ForestEdits,
+    pub(super) edits: ForestEdits,
     /// Indices that are gone, and trees placed by hand, by tile.
     tiles: BTreeMap<[i32; 2], (BTreeSet<u32>, BTreeSet<TreeId>)>,
     kept: Mutex<Vec<KeptTile>>,
@@ -243,17 +236,11 @@ impl PlantedForest {
 
     /// The forest as JSON text: settings, species and edits, not the trees.
     pub fn to_json(&self) -> String {
-        let saved = SavedForest {
-            version: VERSION,
-            settings: self.scatter.settings().clone(),
-            species: self.scatter.species().to_vec(),
-            ground: GroundMark::of(&**self.scatter.ground()),
-            edits: self.edits.clone(),
-        };
+        let saved = SavedForest::of(&self.scatter, &self.edits);
         serde_json::to_string_pretty(&saved).expect("plain numbers, lists and names")
     }
 
-    fn check(&self, tree: &ScatteredTree) -> Result<(), EditError> {
+    pub(super) fn check(&self, tree: &ScatteredTree) -> Result<(), EditError> {
         let wrong = |what: String, must: &str| Err(EditError::Tree { what, must: must.to_owned() });
         let half = self.scatter.ground().side_m() * 0.5;
         let aside = tree.position.xz().abs().max_element();
@@ -278,7 +265,7 @@ impl PlantedForest {
     }
 
     /// Takes note that a placed tree stands in its tile, or does not.
-    fn here(&mut self, id: TreeId, tree: &ScatteredTree, stands: bool) {
+    pub(super) fn here(&mut self, id: TreeId, tree: &ScatteredTree, stands: bool) {
         let tile = self.tile_of(tree.position);
         let names = &mut self.tiles.entry(tile.to_array()).or_default().1;
         if stands {
@@ -295,7 +282,7 @@ impl PlantedForest {
         }
     }
 
-    fn mark_gone(&mut self, id: TreeId) {
+    pub(super) fn mark_gone(&mut self, id: TreeId) {
         if let TreeId::Scattered { tile, index } = id {
             self.tiles.entry(tile).or_default().0.insert(index);
             self.forget_kept();
@@ -321,125 +308,5 @@ impl PlantedForest {
         }
         kept.push((tile, Arc::clone(&trees)));
         trees
-    }
-}
-
-/// Tells grounds apart: side, and heights at a few places.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GroundMark {
-    /// Metres.
-    pub side_m: f32,
-    /// Metres; nothing where there is no ground.
-    pub heights: Vec<Option<f32>>,
-}
-
-impl GroundMark {
-    /// The mark of a ground. 16 heights.
-    pub fn of(ground: &dyn Ground) -> Self {
-        let side_m = ground.side_m();
-        let height = |i: u32| {
-            // Turned, so that rows and columns differ.
-            let at = (Vec2::new((i % 4) as f32, (i / 4) as f32) / 4.0 - 0.36) * 0.8;
-            let at = Vec2::new(at.x + 0.1 * at.y, at.y - 0.1 * at.x) * side_m;
-            Some(ground.height(at.x, at.y)).filter(|h| h.is_finite())
-        };
-        Self { side_m, heights: (0..16).map(height).collect() }
-    }
-
-    fn is_like(&self, other: &Self) -> bool {
-        let same = |pair: (&Option<f32>, &Option<f32>)| match pair {
-            (Some(a), Some(b)) => (a - b).abs() <= SAME_HEIGHT_M,
-            (a, b) => a == b,
-        };
-        self.side_m == other.side_m
-            && self.heights.len() == other.heights.len()
-            && std::iter::zip(&self.heights, &other.heights).all(same)
-    }
-}
-
-/// A forest as it was saved, before there is ground to plant it on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SavedForest {
-    /// Of the text.
-    pub version: u32,
-    /// To scatter with: [`Scatter::new`] with these, [`Self::species`] and the same ground and biomes.
-    pub settings: ScatterSettings,
-    /// The species.
-    pub species: Vec<ScatterSpecies>,
-    /// Of the ground it grew on.
-    pub ground: GroundMark,
-    /// The edits.
-    pub edits: ForestEdits,
-}
-
-impl SavedForest {
-    /// Reads what [`PlantedForest::to_json`] wrote.
-    ///
-    /// # Errors
-    /// [`EditError::Text`] or [`EditError::Version`].
-    pub fn parse(text: &str) -> Result<Self, EditError> {
-        #[derive(Deserialize)]
-        struct Head {
-            version: u32,
-        }
-        let problem = |error: serde_json::Error| EditError::Text { problem: error.to_string() };
-        // First the version: other versions may hold anything else.
-        let found = serde_json::from_str::<Head>(text).map_err(problem)?.version;
-        if found != VERSION {
-            return Err(EditError::Version { found, expected: VERSION });
-        }
-        serde_json::from_str(text).map_err(problem)
-    }
-
-    /// Plants it: the forest as it was.
-    ///
-    /// # Errors
-    /// [`EditError::Different`] if `scatter` has other settings (the season may differ), species or another ground;
-    /// [`EditError::Tree`] or [`EditError::Missing`] for edits that cannot be.
-    pub fn plant(self, scatter: Arc<Scatter>) -> Result<PlantedForest, EditError> {
-        let different = |what: &str, saved: String, here: String| {
-            Err(EditError::Different { what: what.to_owned(), saved, here })
-        };
-        let here = scatter.settings();
-        let same =
-            ScatterSettings { season: here.season, max_bytes: here.max_bytes, ..self.settings };
-        if same != *here {
-            return different("settings", format!("{same:?}"), format!("{here:?}"));
-        }
-        if let Some((saved, here)) =
-            std::iter::zip(&self.species, scatter.species()).find(|(a, b)| a != b)
-        {
-            return different("species", format!("{saved:?}"), format!("{here:?}"));
-        }
-        let counts = [self.species.len(), scatter.species().len()];
-        if counts[0] != counts[1] {
-            return different("a number of species,", counts[0].to_string(), counts[1].to_string());
-        }
-        let ground = GroundMark::of(&**scatter.ground());
-        if !self.ground.is_like(&ground) {
-            return different("ground", format!("{:?}", self.ground), format!("{ground:?}"));
-        }
-        let mut forest = PlantedForest::new(scatter);
-        forest.edits = self.edits;
-        let edits = forest.edits.clone();
-        let mut counts = BTreeMap::new();
-        for id in edits.all_gone() {
-            if let TreeId::Scattered { tile, index } = id {
-                let count = counts
-                    .entry(tile)
-                    .or_insert_with(|| forest.scatter.tile(IVec2::from_array(tile)).len());
-                if index as usize >= *count {
-                    return Err(EditError::Missing { id });
-                }
-            }
-            forest.mark_gone(id);
-        }
-        for (id, tree) in edits.all_placed() {
-            forest.check(tree)?;
-            forest.here(id, tree, true);
-        }
-        Ok(forest)
     }
 }
