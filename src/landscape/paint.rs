@@ -180,6 +180,9 @@ fn between(biomes: &[(Biome, f32)], x: usize, z: usize) -> (Biome, f32) {
         scree: mix(&|b| b.0.scree),
         snow: mix(&|b| b.0.snow),
         shore: mix(&|b| b.0.shore),
+        altitude: mix(&|b| b.0.altitude),
+        wet: mix(&|b| b.0.wet),
+        vigour: mix(&|b| b.0.vigour),
     };
     (biome, mix(&|b| b.1))
 }

@@ -8,6 +8,7 @@ use crate::{asset::TreeAsset, forest::TreeInstance};
 use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};
 use std::{
     collections::BTreeSet,
+    ops::Range,
     sync::{
         Arc,
         atomic::{AtomicU64, Ordering},
@@ -36,43 +37,59 @@ impl Plugin for PlantingPlugin {
 /// What a species is drawn with.
 #[derive(Clone, Debug, Default)]
 pub struct PlantingSpecies {
-    /// In summer, and all year where there is no other.
-    pub summer: Handle<TreeAsset>,
-    /// For trees whose leaves have turned ([`ScatteredTree::autumn`] ≥ 0.5).
-    pub autumn: Option<Handle<TreeAsset>>,
+    /// In summer, and all year where there is no other: one or several plants of the species, of which each tree is one.
+    /// Without any the species is not drawn.
+    pub summer: Vec<Handle<TreeAsset>>,
+    /// For trees whose leaves have turned ([`ScatteredTree::autumn`] ≥ 0.5); may be empty.
+    pub autumn: Vec<Handle<TreeAsset>>,
     /// Metres per unit of the model: its height in metres at scale 1 over its height as modelled, > 0.
     pub unit_scale: f32,
+}
+
+/// Which handles a species uses.
+#[derive(Clone, Debug)]
+struct Kind {
+    summer: Range<u16>,
+    autumn: Range<u16>,
+    unit_scale: f32,
+    shown: bool,
 }
 
 /// Handles of all species, and which of them a tree uses.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Wardrobe {
     pub handles: Vec<Handle<TreeAsset>>,
-    /// Per species: index in summer, in autumn, metres per unit.
-    kinds: Vec<(u16, u16, f32)>,
+    kinds: Vec<Kind>,
 }
 
 impl Wardrobe {
     fn new(species: &[PlantingSpecies]) -> Self {
         let mut wardrobe = Self::default();
-        for kind in species {
-            let summer = wardrobe.handles.len() as u16;
-            wardrobe.handles.push(kind.summer.clone());
-            wardrobe.handles.extend(kind.autumn.clone());
-            let autumn = wardrobe.handles.len() as u16 - 1;
-            wardrobe.kinds.push((summer, autumn, kind.unit_scale));
+        for species in species {
+            let mut hang = |handles: &[Handle<TreeAsset>]| {
+                let first = wardrobe.handles.len() as u16;
+                wardrobe.handles.extend_from_slice(handles);
+                first..wardrobe.handles.len() as u16
+            };
+            let (summer, autumn) = (hang(&species.summer), hang(&species.autumn));
+            let unit_scale = species.unit_scale;
+            wardrobe.kinds.push(Kind { summer, autumn, unit_scale, shown: true });
         }
         wardrobe
     }
 
-    /// The tree as a forest draws it; `None` for a species without a model.
+    /// The tree as a forest draws it; `None` for a species without a model, or one that is not shown.
     pub fn dress(&self, tree: &ScatteredTree) -> Option<TreeInstance> {
-        let (summer, autumn, unit_scale) = *self.kinds.get(usize::from(tree.species))?;
+        let kind = self.kinds.get(usize::from(tree.species)).filter(|kind| kind.shown)?;
+        let turned = tree.autumn >= 0.5 && !kind.autumn.is_empty();
+        let plants = if turned { &kind.autumn } else { &kind.summer };
+        // The seed also spreads the switch to meshes, which is finer than a few plants: its low bits choose.
+        let plant = (plants.start..plants.end).nth(usize::from(tree.seed) % plants.len().max(1))?;
         Some(TreeInstance {
             position: tree.position,
             rotation: tree.rotation,
-            scale: tree.scale * unit_scale,
-            species: if tree.autumn >= 0.5 { autumn } else { summer },
+            scale: tree.scale * kind.unit_scale,
+            species: plant,
             tint: tree.tint,
             seed: tree.seed,
         })
@@ -147,6 +164,14 @@ impl Planting {
         self.touched_all = true;
     }
 
+    /// Shows or hides a species, by its index. Tiles change over the next frames, nearest first.
+    pub fn set_shown(&mut self, species: usize, shown: bool) {
+        if let Some(kind) = Arc::make_mut(&mut self.wardrobe).kinds.get_mut(species) {
+            kind.shown = shown;
+            self.touched_all = true;
+        }
+    }
+
     fn touch(&mut self, tree: &ScatteredTree) {
         self.touched.insert(self.forest.tile_of(tree.position).to_array());
     }
@@ -176,6 +201,16 @@ impl Default for PlantingSettings {
             max_trees: 4_000_000,
             wait: false,
         }
+    }
+}
+
+impl PlantingSettings {
+    /// Where the points of a tile's plants thin out to nothing, so that tiles come and go unseen.
+    pub(super) fn view_range(&self, cover: bool) -> Range<f32> {
+        // Cover is small where it ends; trees end in haze.
+        let (distance, share) =
+            if cover { (self.cover_distance_m, 0.55) } else { (self.tree_distance_m, 0.9) };
+        distance * share..distance
     }
 }
 

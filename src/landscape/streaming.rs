@@ -53,6 +53,8 @@ pub(super) struct Tiles {
     /// What the list was made for.
     made_for: Option<(Vec<Vec2>, PlantingSettings, u64)>,
     plants: usize,
+    /// Of trees and cover, as the tiles have them.
+    distances: [f32; 2],
     /// Nothing is left to do until a camera, a setting or the planting changes.
     settled: bool,
 }
@@ -167,7 +169,7 @@ impl Tiles {
     }
 
     /// Starts tasks for the nearest tiles that are due.
-    fn start(&mut self, planting: &Planting) {
+    fn start(&mut self, planting: &Planting, settings: &PlantingSettings) {
         let pool = AsyncComputeTaskPool::get_or_init(TaskPool::default);
         let in_work = self.tiles.values().filter(|tile| tile.task.is_some()).count();
         let free = (pool.thread_num() * TASKS_PER_THREAD).saturating_sub(in_work);
@@ -182,8 +184,10 @@ impl Tiles {
             let plan = planting.forest().plan(at);
             let scatter = Arc::clone(planting.forest().scatter());
             let wardrobe = Arc::clone(&planting.wardrobe);
+            let view_range = settings.view_range(cover);
             let task = pool.spawn(async move {
                 let forest = Forest::new(wardrobe.handles.iter().cloned());
+                let forest = forest.with_view_range(view_range);
                 if cover {
                     let plants = scatter.cover_tile(at);
                     forest.with(plants.iter().filter_map(|tree| wardrobe.dress(tree)))
@@ -318,12 +322,18 @@ pub(super) fn stream_tiles(
     let eyes = cameras.iter().filter(|(camera, _)| camera.is_active);
     let eyes: Vec<Vec2> =
         eyes.map(|(_, at)| at.translation().xz()).filter(|eye| eye.is_finite()).collect();
+    let distances = [settings.tree_distance_m, settings.cover_distance_m];
+    if tiles.distances != distances {
+        // Plants thin out towards the distance, so it is part of every tile.
+        planting.touched_all |= tiles.distances != [0.0; 2];
+        tiles.distances = distances;
+    }
     tiles.update_wanted(eyes, &planting, &settings, &mut commands);
     if planting.touched_all || !planting.touched.is_empty() {
         tiles.mark_stale(&mut planting, &mut commands);
     }
     while !tiles.settled {
-        tiles.start(&planting);
+        tiles.start(&planting, &settings);
         tiles.collect(&settings, start, &mut commands);
         tiles.count(&mut counters);
         tiles.settled = counters.pending == 0;

@@ -79,6 +79,7 @@ pub fn run(args: &DoctorArgs) -> ToolResult {
         }
         SplatSupport::Off { reason } => println!("splats    off: {reason}"),
     }
+    println!("{}", bevy_treeline::landscape::SkySupport::of(info));
     let software = info.device_type == wgpu::DeviceType::Cpu;
     println!(
         "peeling   {}",

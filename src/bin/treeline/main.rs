@@ -7,14 +7,12 @@ mod flip;
 mod fly;
 mod font;
 mod headless;
-#[allow(dead_code, reason = "called once fly is rebuilt")]
 mod movie;
 mod options;
 mod plant;
 mod scene;
 mod sheet;
 mod subject;
-#[allow(dead_code, reason = "called once fly is rebuilt")]
 mod summary;
 mod table2;
 mod view;

@@ -289,3 +289,52 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
         )),
     }
 }
+
+/// Parses a count such as `4000`, `250k` or `1.5M`.
+pub fn parse_count(text: &str) -> Result<u64, String> {
+    let text = text.trim();
+    let (digits, factor) = match text.char_indices().last() {
+        Some((i, 'k' | 'K')) => (&text[..i], 1e3),
+        Some((i, 'm' | 'M')) => (&text[..i], 1e6),
+        _ => (text, 1.0),
+    };
+    match digits.replace('_', "").parse::<f64>() {
+        Ok(number) if number >= 0.0 && number * factor <= 1e12 => {
+            Ok((number * factor).round() as u64)
+        }
+        _ => Err("write a count such as 4000, 250k or 1M".into()),
+    }
+}
+
+/// Parses a length such as `800`, `800m` or `16km`, in metres.
+pub fn parse_metres(text: &str) -> Result<f32, String> {
+    let text = text.trim();
+    let (digits, factor) = if let Some(digits) = text.strip_suffix("km") {
+        (digits, 1000.0)
+    } else {
+        (text.strip_suffix('m').unwrap_or(text), 1.0)
+    };
+    match digits.trim().parse::<f32>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number * factor),
+        _ => Err("write a length such as 800m or 16km".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_and_lengths_are_read_with_their_units() {
+        assert_eq!(parse_count("1M"), Ok(1_000_000));
+        assert_eq!(parse_count("2.5k"), Ok(2_500));
+        assert_eq!(parse_count(" 40_000 "), Ok(40_000));
+        assert!(
+            parse_count("-3").is_err() && parse_count("many").is_err() && parse_count("").is_err()
+        );
+        assert_eq!(parse_metres("16km"), Ok(16_000.0));
+        assert_eq!(parse_metres("250 m"), Ok(250.0));
+        assert_eq!(parse_metres("90"), Ok(90.0));
+        assert!(parse_metres("far").is_err() && parse_metres("-1km").is_err());
+    }
+}

@@ -68,7 +68,7 @@ pub enum SkySupport {
 
 impl SkySupport {
     /// What an adapter can do.
-    pub fn of(adapter: &RenderAdapterInfo) -> Self {
+    pub fn of(adapter: &wgpu::AdapterInfo) -> Self {
         if adapter.device_type == DeviceType::Cpu {
             Self::GradientOnly { adapter: adapter.name.clone() }
         } else {

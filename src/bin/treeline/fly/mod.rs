@@ -1,38 +1,77 @@
-//! `treeline fly`: a flight over a forest, in a window or as frames with statistics.
+//! `treeline fly`: a flight over a landscape, in a window or as frames with statistics.
 
+mod camera;
+mod graph;
 pub mod headless;
+mod panel;
+mod roster;
 mod window;
 mod world;
 
 use crate::{
     options::{
-        BakeOptions, SplatPathArg, ToolError, ToolResult, bake_with_progress, parse_quality,
+        BakeOptions, SplatPathArg, ToolError, ToolResult, parse_count, parse_metres, parse_quality,
         parse_size,
     },
     view::has_display,
 };
-use bevy_treeline::bake::Baked;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-#[derive(Args)]
+/// What draws the sky.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SkyArg {
+    /// Bevy's atmosphere where the adapter can, else a gradient.
+    #[default]
+    Auto,
+    /// A clear-sky gradient.
+    Gradient,
+    /// Bevy's atmosphere (never on software drivers: they crash in it).
+    Atmosphere,
+}
+
+#[derive(Args, Clone)]
 pub struct FlyArgs {
-    /// Models to plant (default: the trees in assets/trees).
-    #[arg(long = "tree")]
-    pub trees: Vec<PathBuf>,
-    /// Number of trees.
-    #[arg(long, default_value_t = 4000, allow_negative_numbers = true)]
-    pub count: usize,
-    /// Height that each model is scaled to, metres (0: as modelled).
+    /// Trees of the whole landscape, 1000 to 10M (default: as many as grow there).
+    #[arg(long, value_parser = parse_count, allow_negative_numbers = true)]
+    pub trees: Option<u64>,
+    /// Trees per hectare of closed forest instead of a total.
+    #[arg(long, conflicts_with = "trees", allow_negative_numbers = true)]
+    pub density: Option<f32>,
+    /// Species that grow, by name and comma (default: all; `--species list` names them).
+    #[arg(long, value_delimiter = ',')]
+    pub species: Vec<String>,
+    /// Seeds per species: how many different trees of each.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
+    pub variants: u32,
+    /// A model to plant instead of the species; may be repeated.
+    #[arg(long = "tree", conflicts_with = "species")]
+    pub models: Vec<PathBuf>,
+    /// Height that each model of --tree is scaled to, metres (0: as modelled).
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub height: f32,
-    /// Side of the ground, metres.
-    #[arg(long, default_value_t = 1000.0, allow_negative_numbers = true)]
+    /// Side of the landscape, 1km to 64km.
+    #[arg(long, default_value = "8km", value_parser = parse_metres)]
     pub side: f32,
+    /// A real landscape: a 16-bit grey PNG with a JSON of the same name beside it.
+    #[arg(long)]
+    pub dem: Option<PathBuf>,
     /// Seed of ground, trees and flight.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// No window: write frames, a contact sheet and statistics.
+    /// Time of day, hours (0 to 24).
+    #[arg(long, default_value_t = 10.5, allow_negative_numbers = true)]
+    pub hour: f32,
+    /// Season: 0 is summer, 1 the height of autumn.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub season: f32,
+    /// Distance at which haze leaves 5 % of the contrast.
+    #[arg(long, default_value = "24km", value_parser = parse_metres)]
+    pub visibility: f32,
+    /// What draws the sky.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub sky: SkyArg,
+    /// No window: write frames, a contact sheet, statistics and a film.
     #[arg(long)]
     pub headless: bool,
     /// Frames of a headless flight, once around.
@@ -41,24 +80,39 @@ pub struct FlyArgs {
     /// Picture size, WIDTHxHEIGHT.
     #[arg(long, default_value = "1280x720", value_parser = parse_size)]
     pub size: (u32, u32),
-    /// Folder for frames, `sheet.png`, `stats.csv`.
+    /// Folder for frames, `sheet.png`, `stats.csv` and the film.
     #[arg(long, default_value = "out/fly")]
     pub out: PathBuf,
+    /// Write a summary of a headless flight to this file.
+    #[arg(long)]
+    pub json: Option<PathBuf>,
     /// q: points per pixel of surface.
     #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality, allow_negative_numbers = true, value_parser = parse_quality)]
     pub quality: f32,
     /// Meshes up to this distance at least, metres.
     #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance, allow_negative_numbers = true)]
     pub mesh_distance: f32,
+    /// Trees are planted up to this distance.
+    #[arg(long, default_value = "9km", value_parser = parse_metres)]
+    pub tree_distance: f32,
+    /// Memory for trees and chunks, MiB.
+    #[arg(long, default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=262_144))]
+    pub memory: u32,
     /// Part of the way around that a headless flight covers (small values: slow motion).
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub way: f32,
     /// Where on the way it starts, 0 to 1.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub start: f32,
-    /// No points: to see what the ground and the near meshes cost.
+    /// Near trees cast and receive Bevy's shadow maps too (the ground has tree shadows without them).
     #[arg(long)]
-    pub no_points: bool,
+    pub shadow_maps: bool,
+    /// No forest: to see what everything else costs.
+    #[arg(long, visible_alias = "no-points")]
+    pub no_forest: bool,
+    /// Measure how much each frame differs from the one before (FLIP), into stats.csv.
+    #[arg(long)]
+    pub flip: bool,
     /// Kernels that draw the points.
     #[arg(long, value_enum, default_value = "auto")]
     pub splat_path: SplatPathArg,
@@ -66,60 +120,50 @@ pub struct FlyArgs {
     pub bake: BakeOptions,
 }
 
-/// The trees of this project, next to the binary's sources or the working folder.
-fn default_trees() -> ToolResult<Vec<PathBuf>> {
-    let candidates = [
-        PathBuf::from("assets/trees"),
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/trees"),
-    ];
-    for folder in &candidates {
-        let Ok(entries) = std::fs::read_dir(folder) else { continue };
-        let mut trees: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
-        trees.retain(|p| p.extension().is_some_and(|e| e == "glb"));
-        trees.sort();
-        if !trees.is_empty() {
-            return Ok(trees);
-        }
-    }
-    Err(ToolError::Message(
-        "there are no trees in assets/trees: run this in the project's folder, make them with `cargo run --release \
-         --example make_trees`, or name a model with --tree FILE"
-            .into(),
-    ))
+fn check(ok: bool, what: &str) -> ToolResult {
+    if ok { Ok(()) } else { Err(ToolError::Message(what.to_owned())) }
 }
 
-pub fn run(args: &FlyArgs) -> ToolResult {
-    let check =
-        |ok: bool, what: &str| if ok { Ok(()) } else { Err(ToolError::Message(what.to_owned())) };
+fn check_args(args: &FlyArgs) -> ToolResult {
     check(args.frames > 0, "--frames 0 would write nothing: give 1 or more")?;
-    check(args.count > 0, "--count 0 is no forest: give 1 or more")?;
-    let side = args.side;
     check(
-        side.is_finite() && (50.0..=16_000.0).contains(&side),
-        "--side must be 50 to 16000 metres",
+        args.trees != Some(0),
+        "--trees 0 is no forest: give 1000 or more, or --no-forest for the bare ground",
     )?;
+    check(
+        args.trees.is_none_or(|n| (1..=10_000_000).contains(&n)),
+        "--trees must be at most 10M (10,000,000)",
+    )?;
+    check(
+        args.density.is_none_or(|d| d > 0.0 && d.is_finite()),
+        "--density must be a positive number of trees per hectare, such as 400",
+    )?;
+    check((1_000.0..=64_000.0).contains(&args.side), "--side must be 1km to 64km")?;
     check(
         args.height.is_finite() && args.height >= 0.0,
         "--height must be 0 (as modelled) or a height in metres",
     )?;
-    let distance = args.mesh_distance;
-    check(distance >= 0.0, "--mesh-distance must be 0 or a distance in metres")?;
-    check(args.start.is_finite() && args.way.is_finite(), "--start and --way must be numbers")?;
-    let files = if args.trees.is_empty() { default_trees()? } else { args.trees.clone() };
+    check((0.0..=24.0).contains(&args.hour), "--hour must be 0 to 24, such as 17.5")?;
+    check((0.0..=1.0).contains(&args.season), "--season must be 0 (summer) to 1 (autumn)")?;
+    check(args.visibility >= 100.0, "--visibility must be at least 100 metres")?;
+    check(args.tree_distance >= 100.0, "--tree-distance must be at least 100 metres")?;
+    check(args.mesh_distance >= 0.0, "--mesh-distance must be 0 or a distance in metres")?;
+    check(args.start.is_finite() && args.way.is_finite(), "--start and --way must be numbers")
+}
+
+pub fn run(args: &FlyArgs) -> ToolResult {
+    check_args(args)?;
+    if args.species.iter().any(|name| name == "list") {
+        println!("{}", bevy_treeline::species::species_names().join("\n"));
+        return Ok(());
+    }
     let windowed = !args.headless && has_display();
-    if !windowed {
-        crate::options::make_folder(&args.out)?;
-    }
-    let (settings, context) = (args.bake.settings(), args.bake.context()?);
-    let baked = files.iter().map(|file| bake_with_progress(file, &settings, &context));
-    let baked: Vec<Baked> = baked.collect::<ToolResult<_>>()?;
-    drop(context);
     if windowed {
-        window::run(args, &baked)
-    } else {
-        if !args.headless {
-            println!("there is no display, so frames are written (the same as --headless)");
-        }
-        headless::run(args, &baked)
+        return window::run(args);
     }
+    crate::options::make_folder(&args.out)?;
+    if !args.headless {
+        println!("there is no display, so frames are written (the same as --headless)");
+    }
+    headless::run(args)
 }

@@ -1,9 +1,13 @@
 //! The flight in a window.
 
-use super::{FlyArgs, world};
+use super::{
+    FlyArgs,
+    camera::{FlyCamera, Pilot, steer},
+    graph::FrameTimes,
+    panel, world,
+};
 use crate::{headless::bevy_plugins, options::ToolResult};
 use bevy::{
-    input::mouse::{AccumulatedMouseMotion, AccumulatedMouseScroll},
     prelude::*,
     render::{
         diagnostic::RenderDiagnosticsPlugin,
@@ -11,84 +15,116 @@ use bevy::{
     },
     window::PrimaryWindow,
 };
-use bevy_treeline::{
-    CacheLocation, NearMeshes, TreelineCounters, TreelinePlugin, TreelineSettings, bake::Baked,
-};
+use bevy_egui::{EguiPlugin, EguiPrimaryContextPass, input::EguiWantsInput};
+use bevy_treeline::{CacheLocation, TreelineCounters, TreelinePlugin, TreelineSettings};
 use std::path::PathBuf;
 
-/// Metres per second along the path.
-const SPEED: f32 = 14.0;
+/// Every key, for the panel and the terminal; README.md holds the same list (checked by a test).
+pub const KEYS: &[(&str, &str)] = &[
+    ("F1", "panel"),
+    ("F", "fly yourself / back to the path"),
+    ("W A S D", "fly"),
+    ("Q E", "down, up"),
+    ("mouse drag", "look around"),
+    ("wheel", "speed"),
+    ("Shift", "five times as fast"),
+    ("Space", "pause on the path"),
+    ("+ -", "more or fewer points"),
+    ("V", "next debug view"),
+    ("C", "freeze culling"),
+    ("[ ]", "time of day"),
+    ("F12", "screenshot"),
+    ("Esc", "quit"),
+];
 
+/// Where screenshots go.
 #[derive(Resource)]
-struct Pilot {
-    t: f32,
-    paused: bool,
-    free: bool,
-    speed: f32,
-    out: PathBuf,
-    shots: u32,
+pub struct Shots {
+    folder: PathBuf,
+    taken: u32,
 }
 
-pub fn run(args: &FlyArgs, baked: &[Baked]) -> ToolResult {
-    println!(
-        "Space: pause · F: fly yourself (WASD, Q and E, right mouse, wheel: speed) · + and -: quality · F12: screenshot · Esc: quit"
-    );
+pub fn run(args: &FlyArgs) -> ToolResult {
+    let keys: Vec<String> = KEYS.iter().map(|(key, does)| format!("{key}: {does}")).collect();
+    println!("{}", keys.join(" · "));
+    let plan = world::prepare(args)?;
     let window = Window { title: "treeline fly".into(), resolution: args.size.into(), ..default() };
     let mut app = App::new();
-    app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin)).add_plugins(
-        TreelinePlugin {
+    app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin, EguiPlugin::default()))
+        .add_plugins(TreelinePlugin {
             splat_path: args.splat_path.into(),
             cache: CacheLocation::Off,
             ..default()
-        },
-    );
-    world::build(app.world_mut(), args, baked)?;
-    let start = world::place(app.world().resource::<world::Flight>(), args.start);
-    app.world_mut().spawn((world::camera(args), start));
-    app.insert_resource(Pilot {
-        t: args.start,
-        paused: false,
-        free: false,
-        speed: SPEED,
-        out: args.out.clone(),
-        shots: 0,
-    });
-    app.add_systems(Update, (keys, fly, title).chain());
+        });
+    world::build(&mut app, args, plan, false);
+    let start = app.world().resource::<world::Flight>().place(args.start);
+    let camera = world::camera(app.world_mut(), args);
+    app.world_mut().entity_mut(camera).insert((FlyCamera, start));
+    app.insert_resource(Pilot::at(args.start))
+        .insert_resource(Shots { folder: args.out.clone(), taken: 0 })
+        .insert_resource(panel::Panel::new(args))
+        .init_resource::<FrameTimes>()
+        .add_systems(Update, (count_frame, keys_pressed, steer, title).chain())
+        .add_systems(EguiPrimaryContextPass, panel::show);
     app.run();
     Ok(())
 }
 
-fn keys(
+fn count_frame(time: Res<Time<Real>>, mut times: ResMut<FrameTimes>) {
+    times.push(time.delta_secs() * 1e3);
+}
+
+#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
+fn keys_pressed(
     mut commands: Commands,
     keys: Res<ButtonInput<KeyCode>>,
+    typing: Res<EguiWantsInput>,
     mut pilot: ResMut<Pilot>,
+    mut shots: ResMut<Shots>,
+    mut panel: ResMut<panel::Panel>,
     mut settings: Query<&mut TreelineSettings>,
     mut exit: MessageWriter<AppExit>,
 ) {
+    if typing.wants_any_keyboard_input() {
+        return;
+    }
+    if keys.just_pressed(KeyCode::F1) {
+        panel.open = !panel.open;
+    }
     if keys.just_pressed(KeyCode::Space) {
         pilot.paused = !pilot.paused;
     }
     if keys.just_pressed(KeyCode::KeyF) {
         pilot.free = !pilot.free;
     }
-    let step =
-        i32::from(keys.just_pressed(KeyCode::Equal) || keys.just_pressed(KeyCode::NumpadAdd))
-            - i32::from(
-                keys.just_pressed(KeyCode::Minus) || keys.just_pressed(KeyCode::NumpadSubtract),
-            );
-    if step != 0 {
-        for mut settings in &mut settings {
+    if keys.just_pressed(KeyCode::KeyC) {
+        panel.frozen = !panel.frozen;
+    }
+    let pressed =
+        |plus, minus| i32::from(keys.just_pressed(plus)) - i32::from(keys.just_pressed(minus));
+    let hours = pressed(KeyCode::BracketRight, KeyCode::BracketLeft);
+    if hours != 0 {
+        panel.hour = (panel.hour + 0.5 * hours as f32).rem_euclid(24.0);
+    }
+    let step = pressed(KeyCode::Equal, KeyCode::Minus)
+        + pressed(KeyCode::NumpadAdd, KeyCode::NumpadSubtract);
+    for mut settings in &mut settings {
+        if step != 0 {
             settings.quality = (settings.quality * 1.25f32.powi(step)).clamp(0.05, 16.0);
+        }
+        if keys.just_pressed(KeyCode::KeyV) {
+            settings.debug_view = panel::next_view(settings.debug_view);
         }
     }
     if keys.just_pressed(KeyCode::F12) {
-        pilot.shots += 1;
-        let path = pilot.out.join(format!("fly{:03}.png", pilot.shots));
-        match std::fs::create_dir_all(&pilot.out) {
+        shots.taken += 1;
+        let path = shots.folder.join(format!("fly{:03}.png", shots.taken));
+        match std::fs::create_dir_all(&shots.folder) {
             Ok(()) => {
+                info!("screenshot {}", path.display());
                 commands.spawn(Screenshot::primary_window()).observe(save_to_disk(path));
             }
-            Err(error) => error!("no screenshot: cannot write {}: {error}", pilot.out.display()),
+            Err(error) => error!("no screenshot: cannot write {}: {error}", shots.folder.display()),
         }
     }
     if keys.just_pressed(KeyCode::Escape) {
@@ -96,68 +132,23 @@ fn keys(
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
-fn fly(
-    time: Res<Time>,
-    mut pilot: ResMut<Pilot>,
-    flight: Res<world::Flight>,
-    keys: Res<ButtonInput<KeyCode>>,
-    buttons: Res<ButtonInput<MouseButton>>,
-    motion: Res<AccumulatedMouseMotion>,
-    scroll: Res<AccumulatedMouseScroll>,
-    mut camera: Single<&mut Transform, With<Camera3d>>,
-) {
-    // A slow frame must not throw the camera far.
-    let seconds = time.delta_secs().min(0.25);
-    if !pilot.free {
-        if !pilot.paused {
-            pilot.t = (pilot.t + seconds * SPEED / flight.0.length_m()).fract();
-            **camera = world::place(&flight, pilot.t);
-        }
-        return;
-    }
-    pilot.speed = (pilot.speed * (0.15 * scroll.delta.y.clamp(-3.0, 3.0)).exp()).clamp(0.5, 500.0);
-    if buttons.pressed(MouseButton::Right) {
-        let (yaw, pitch, _) = camera.rotation.to_euler(EulerRot::YXZ);
-        let pitch = (pitch - motion.delta.y * 0.003).clamp(-1.54, 1.54);
-        camera.rotation = Quat::from_euler(EulerRot::YXZ, yaw - motion.delta.x * 0.003, pitch, 0.0);
-    }
-    let axis =
-        |plus, minus| f32::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)));
-    let local = Vec3::new(
-        axis(KeyCode::KeyD, KeyCode::KeyA),
-        axis(KeyCode::KeyE, KeyCode::KeyQ),
-        axis(KeyCode::KeyS, KeyCode::KeyW),
-    );
-    let step = camera.rotation * local * (pilot.speed * seconds);
-    camera.translation += step;
-}
-
 fn title(
     mut window: Single<&mut Window, With<PrimaryWindow>>,
-    time: Res<Time<Real>>,
+    times: Res<FrameTimes>,
     counters: Res<TreelineCounters>,
-    near: Res<NearMeshes>,
-    settings: Query<&TreelineSettings>,
-    mut last: Local<f32>,
-    mut frames: Local<u32>,
+    mut wait: Local<u32>,
 ) {
-    *frames += 1;
-    let now = time.elapsed_secs();
-    if now - *last < 0.5 {
+    *wait += 1;
+    if !wait.is_multiple_of(30) {
         return;
     }
-    let rate = *frames as f32 / (now - *last);
-    (*last, *frames) = (now, 0);
+    let (median, _) = times.median_and_worst();
     let all = counters.all();
     let Some(c) = all.values().next() else { return };
-    let quality = settings.iter().next().map_or(0.0, |s| s.quality);
     window.title = format!(
-        "treeline fly: {rate:.0} fps · {:.2} M points · {} trees, {} as mesh, {} fading · {} near meshes · q {quality:.2}",
-        f64::from(c.points) / 1e6,
+        "treeline fly: {:.0} fps · {} trees · {:.2} M points",
+        1000.0 / median.max(1e-3),
         c.instances_seen,
-        c.as_mesh,
-        c.in_fade,
-        near.len()
+        f64::from(c.points) / 1e6,
     );
 }

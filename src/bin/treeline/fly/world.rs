@@ -1,89 +1,196 @@
-//! What is flown over: ground, forest, sun, and the path.
+//! What is flown over: ground, forest, sun and sky, and the path.
 
-use super::FlyArgs;
+use super::{FlyArgs, SkyArg, roster};
 use crate::{
     options::{ToolError, ToolResult},
     scene,
 };
 use bevy::{
-    asset::RenderAssetUsages,
+    camera::Hdr,
     core_pipeline::prepass::{DepthPrepass, NormalPrepass},
-    mesh::{Indices, PrimitiveTopology},
+    light::{
+        Atmosphere, CascadeShadowConfigBuilder, DirectionalLightShadowMap,
+        atmosphere::ScatteringMedium,
+    },
+    pbr::AtmosphereSettings,
     prelude::*,
 };
 use bevy_treeline::{
-    Forest, TreeInstance, TreelineSettings,
-    bake::Baked,
+    TreelineSettings, UploadBudget,
+    gpu::headless::headless_device,
     landscape::{
-        BiomeSettings, Biomes, Crown, FlightPath, FlightSettings,
-        heightfield::Heightfield,
-        scatter::{ScatterSettings, scatter},
+        BiomeSettings, Biomes, Crown, DemTerrain, FlightPath, FlightSettings, ForestShade, Ground,
+        Landscape, NoiseTerrain, PlantedForest, Planting, PlantingPlugin, PlantingSettings,
+        Scatter, ScatterSettings, Sky, SkyKind, SkySupport, Sun, TerrainLod, TerrainPlugin,
+        TerrainSettings, TimeOfDay, TreeAmount,
     },
 };
+use std::{sync::Arc, time::Instant};
 
 /// The way of the camera.
 #[derive(Resource)]
 pub struct Flight(pub FlightPath);
 
-/// Plants everything.
-pub fn build(world: &mut World, args: &FlyArgs, baked: &[Baked]) -> ToolResult {
-    let cells = ((args.side / 4.0) as u32).clamp(32, 512);
-    let field = Heightfield::rolling(args.side, cells, args.seed);
-    let ground = field.mesh_data();
-    let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, ground.positions)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, ground.normals)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, ground.colors)
-        .with_inserted_indices(Indices::U32(ground.triangles.into_iter().flatten().collect()));
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
-    let soil = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.2, ..default() };
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(soil);
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Name::new("ground")));
-
-    let settings =
-        ScatterSettings { count: args.count, species: baked.len(), seed: args.seed, ..default() };
-    let places =
-        scatter(&field, &settings).map_err(|error| ToolError::Message(error.to_string()))?;
-    // Models of any unit get the height asked for; the ground is in metres.
-    let units: Vec<f32> = baked
-        .iter()
-        .map(|b| b.data.bounds.extent().y)
-        .map(|height| if args.height > 0.0 && height > 0.0 { args.height / height } else { 1.0 })
-        .collect();
-    let trees = places.iter().map(|place| TreeInstance {
-        position: place.position,
-        rotation: Quat::from_rotation_y(place.yaw),
-        scale: place.scale * units[place.species],
-        species: place.species as u16,
-        tint: [place.tint[0], place.tint[1], place.tint[2]].map(|t| t.div_ceil(2)),
-        seed: place.seed,
-    });
-    let species: Vec<_> = baked.iter().map(|b| scene::add_tree(world, b, true)).collect();
-    let forest = Forest::new(species).with(trees);
-    if !args.no_points {
-        world.spawn((forest, Name::new("forest")));
+impl Flight {
+    /// Where the camera is at share `t` of the way.
+    pub fn place(&self, t: f32) -> Transform {
+        let (eye, target) = self.0.look(t);
+        Transform::from_translation(eye).looking_at(target, Vec3::Y)
     }
-    let biomes = Biomes::new(&field, &BiomeSettings { seed: args.seed, ..default() });
-    let crowns = |min: Vec2, max: Vec2| {
-        let inside = |p: Vec3| p.x >= min.x && p.x < max.x && p.z >= min.y && p.z < max.y;
-        let near = places.iter().filter(|place| inside(place.position));
-        near.map(|place| Crown {
-            position: place.position,
-            radius_m: 4.0 * place.scale,
-            height_m: 16.0 * place.scale,
-        })
-        .collect()
-    };
-    let flight = FlightSettings { seed: args.seed, ..default() };
-    world.insert_resource(Flight(FlightPath::over(&field, &biomes, &crowns, &flight)));
-    world.insert_resource(ClearColor(scene::SKY));
-    scene::add_light(world, 120.0);
-    Ok(())
 }
 
-/// A camera with haze in the colour of the sky.
-pub fn camera(args: &FlyArgs) -> impl Bundle {
-    (
+/// Names of what grows, for the panel.
+#[derive(Resource)]
+pub struct Roster(pub Vec<String>);
+
+/// Whether Bevy's atmosphere is the sky.
+#[derive(Resource)]
+struct HasAtmosphere(bool);
+
+/// Everything that is made before an app runs.
+pub struct Plan {
+    landscape: Landscape,
+    scatter: Option<Scatter>,
+    members: Vec<roster::Member>,
+    flight: FlightPath,
+    /// Bevy's atmosphere instead of the gradient.
+    atmosphere: bool,
+}
+
+/// Trees that come while flying are sent to the GPU in pieces of this size a frame.
+const UPLOAD_BYTES: usize = 4 << 20;
+
+/// Whether the atmosphere is drawn; asked for on a software driver, it is refused, since the driver would crash.
+fn atmosphere(args: &FlyArgs) -> ToolResult<bool> {
+    let (adapter, ..) = headless_device().map_err(|error| ToolError::NoGpu(error.to_string()))?;
+    let support = SkySupport::of(&adapter.get_info());
+    match args.sky {
+        SkyArg::Gradient => Ok(false),
+        SkyArg::Auto => Ok(support == SkySupport::Atmosphere),
+        SkyArg::Atmosphere if support == SkySupport::Atmosphere => Ok(true),
+        SkyArg::Atmosphere => {
+            Err(ToolError::Message(format!("--sky atmosphere cannot be: {support}")))
+        }
+    }
+}
+
+fn message(error: impl ToString) -> ToolError {
+    ToolError::Message(error.to_string())
+}
+
+fn ground(args: &FlyArgs) -> ToolResult<Arc<dyn Ground>> {
+    if let Some(path) = &args.dem {
+        return Ok(Arc::new(DemTerrain::load(path).map_err(message)?));
+    }
+    let settings = TerrainSettings { seed: args.seed, side_m: args.side, ..default() };
+    Ok(Arc::new(NoiseTerrain::new(&settings).map_err(message)?))
+}
+
+/// Makes ground, species, forest and flight. Says what takes long.
+pub fn prepare(args: &FlyArgs) -> ToolResult<Plan> {
+    let start = Instant::now();
+    let ground = ground(args)?;
+    let biomes = match args.trees {
+        // Few trees still make closed forests, of which there are fewer.
+        Some(total) => BiomeSettings::default().for_trees(total, ground.side_m()),
+        None => BiomeSettings::default(),
+    };
+    let biomes = BiomeSettings { seed: args.seed, ..biomes };
+    let biomes = Arc::new(Biomes::new(&*ground, &biomes));
+    let mut landscape = Landscape::new(ground.clone(), biomes.clone());
+    let made = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let members = if args.no_forest { vec![] } else { roster::bake(args)? };
+    let baked = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let mut scatter = None;
+    if !members.is_empty() {
+        let amount = match (args.trees, args.density) {
+            (Some(total), _) => TreeAmount::Total(total),
+            (None, density) => TreeAmount::PerHectare(density.unwrap_or(320.0)),
+        };
+        let settings = ScatterSettings {
+            seed: args.seed,
+            amount,
+            season: args.season,
+            max_bytes: u64::from(args.memory) << 20,
+            ..default()
+        };
+        let species = members.iter().map(|member| member.scatter.clone()).collect();
+        let made = Scatter::new(ground.clone(), biomes.clone(), species, settings);
+        let made = made.map_err(message)?;
+        landscape.shade = Some(Arc::new(ForestShade::new(made.clone())));
+        scatter = Some(made);
+    }
+    let scattered = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let crowns = |min: Vec2, max: Vec2| -> Vec<Crown> {
+        let mut found = vec![];
+        if let Some(shade) = &landscape.shade {
+            shade.crowns(min, max, &mut found);
+        }
+        found
+    };
+    let settings = FlightSettings { seed: args.seed, ..default() };
+    let flight = FlightPath::over(&*ground, &biomes, &crowns, &settings);
+    println!(
+        "{:.0} km of ground in {made:.1} s, {} species in {baked:.1} s, {} trees in {scattered:.1} s, a way of {:.1} km in {:.1} s",
+        ground.side_m() / 1000.0,
+        members.len(),
+        scatter.as_ref().map_or(0.0, |s| s.expected_trees().round()),
+        flight.length_m() / 1000.0,
+        start.elapsed().as_secs_f64()
+    );
+    Ok(Plan { landscape, scatter, members, flight, atmosphere: atmosphere(args)? })
+}
+
+/// Puts it all into an app. `wait`: every frame has all that it needs, however long that takes.
+pub fn build(app: &mut App, args: &FlyArgs, plan: Plan, wait: bool) {
+    app.add_plugins((TerrainPlugin, PlantingPlugin));
+    app.insert_resource(plan.landscape)
+        .insert_resource(TerrainLod {
+            memory_mb: (args.memory / 4).clamp(64, 1024),
+            wait,
+            ..default()
+        })
+        .insert_resource(PlantingSettings {
+            tree_distance_m: args.tree_distance,
+            wait,
+            ..default()
+        })
+        .insert_resource(Sky {
+            time: TimeOfDay::at(args.hour),
+            kind: if plan.atmosphere { SkyKind::None } else { SkyKind::Gradient },
+            visibility_m: Some(args.visibility),
+            ..default()
+        })
+        .insert_resource(UploadBudget { bytes_per_frame: (!wait).then_some(UPLOAD_BYTES) })
+        .insert_resource(HasAtmosphere(plan.atmosphere))
+        .insert_resource(Flight(plan.flight))
+        .insert_resource(Roster(plan.members.iter().map(|m| m.scatter.name.clone()).collect()));
+    let world = app.world_mut();
+    if let Some(scatter) = plan.scatter {
+        let kinds = roster::plant(world, &plan.members);
+        let forest = PlantedForest::new(Arc::new(scatter));
+        world.insert_resource(Planting::new(forest, &kinds));
+    }
+    world.insert_resource(DirectionalLightShadowMap { size: 2048 });
+    world.spawn((
+        Sun,
+        DirectionalLight { shadow_maps_enabled: args.shadow_maps, ..default() },
+        CascadeShadowConfigBuilder {
+            num_cascades: 2,
+            maximum_distance: 120.0,
+            first_cascade_far_bound: 30.0,
+            ..default()
+        }
+        .build(),
+    ));
+}
+
+/// Spawns the camera, with haze in the colour of the sky.
+pub fn camera(world: &mut World, args: &FlyArgs) -> Entity {
+    let camera = world.spawn((
         scene::plain_camera(),
         // Trees behind hills and near meshes are rejected point by point, and hidden ground is not shaded.
         DepthPrepass,
@@ -91,23 +198,25 @@ pub fn camera(args: &FlyArgs) -> impl Bundle {
         NormalPrepass,
         Projection::Perspective(PerspectiveProjection {
             fov: std::f32::consts::FRAC_PI_4 * 1.15,
+            far: 100_000.0,
             ..default()
         }),
-        DistanceFog {
-            color: scene::SKY,
-            falloff: FogFalloff::from_visibility_squared(args.side * 1.6),
-            ..default()
-        },
         TreelineSettings {
             quality: args.quality,
             min_mesh_distance: args.mesh_distance,
             ..default()
         },
-    )
-}
-
-/// Where the camera is at share `t` of the way.
-pub fn place(flight: &Flight, t: f32) -> Transform {
-    let (eye, target) = flight.0.look(t);
-    Transform::from_translation(eye).looking_at(target, Vec3::Y)
+    ));
+    let camera = camera.id();
+    if world.resource::<HasAtmosphere>().0 {
+        let medium = ScatteringMedium::earth(256, 256);
+        let medium = world.resource_mut::<Assets<ScatteringMedium>>().add(medium);
+        world.spawn(Atmosphere::earth(medium));
+        // Its own haze takes the place of the fog.
+        world.entity_mut(camera).insert((Hdr, AtmosphereSettings::default()));
+    } else {
+        // Colour and density follow the sky.
+        world.entity_mut(camera).insert(DistanceFog::default());
+    }
+    camera
 }
