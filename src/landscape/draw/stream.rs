@@ -169,6 +169,7 @@ pub(super) struct ChunkAssets<'w> {
     frame: Res<'w, Frame>,
 }
 
+#[expect(clippy::too_many_arguments, reason = "a system's parameters")]
 pub(super) fn stream_chunks(
     mut commands: Commands,
     mut chunks: ResMut<Chunks>,
