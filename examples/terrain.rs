@@ -4,7 +4,7 @@
 
 use bevy::{pbr::DistanceFog, prelude::*};
 use bevy_treeline::landscape::{
-    BiomeSettings, Biomes, Ground, NoiseTerrain, TerrainError, TerrainSettings, TimeOfDay,
+    BiomeSettings, Biomes, NoiseTerrain, TerrainError, TerrainSettings, TimeOfDay,
     draw::{Landscape, Sky, Sun, TerrainCounters, TerrainPlugin},
 };
 use std::sync::Arc;
