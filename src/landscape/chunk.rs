@@ -106,7 +106,7 @@ impl ChunkMesh {
                     let (i, k) = border(side, n);
                     post(i, k)
                 };
-                corners.extend([top(n), top(n + 1), low(n), low(n), top(n + 1), low(n + 1)]);
+                corners.extend([top(n), low(n), top(n + 1), low(n), low(n + 1), top(n + 1)]);
             }
         }
         corners

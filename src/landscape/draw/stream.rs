@@ -144,7 +144,8 @@ pub(super) fn begin_anew(
     *chunks =
         Chunks { coarser: 1.0, grain: chunks.grain.clone(), frame: chunks.frame, ..default() };
     let Some(landscape) = landscape else { return };
-    if !images.contains(&chunks.grain) {
+    // The default handle is Bevy's white image.
+    if chunks.grain == Handle::default() {
         let made = grain();
         chunks.grain = images.add(image(made.bytes, made.side, made.mips, false));
     }
@@ -168,6 +169,7 @@ pub(super) struct ChunkAssets<'w> {
     frame: Res<'w, Frame>,
 }
 
+#[expect(clippy::too_many_arguments, reason = "a system's parameters")]
 pub(super) fn stream_chunks(
     mut commands: Commands,
     mut chunks: ResMut<Chunks>,
