@@ -23,7 +23,7 @@ fn planting() -> Planting {
     let scatter = Scatter::new(ground, biomes, species.to_vec(), settings).expect("it fits");
     let kind = PlantingSpecies { unit_scale: 2.0, ..default() };
     // Oaks have a second handle, so the species behind them count from 2.
-    let oak = PlantingSpecies { autumn: Some(Handle::<TreeAsset>::default()), ..kind.clone() };
+    let oak = PlantingSpecies { autumn: vec![Handle::<TreeAsset>::default()], ..kind.clone() };
     Planting::new(PlantedForest::new(Arc::new(scatter)), &[oak, kind.clone(), kind])
 }
 

@@ -1,12 +1,10 @@
-//! Ground as a square grid of heights: side, cells and seed in; heights, normals and a coloured mesh out. O(cells²).
+//! Ground as a square grid of heights: side, cells and seed in; heights and normals out. O(cells²).
 
 use super::{Field, smoothstep};
 use bevy::math::Vec3;
 use noise::{MultiFractal, NoiseFn, Perlin, RidgedMulti};
 use thiserror::Error;
 
-/// Cells a side of [`Heightfield::rolling`] that suit demos.
-pub const DEFAULT_CELLS: u32 = 256;
 /// The most cells a side (67 million vertices).
 pub const MOST_CELLS: u32 = 8192;
 
@@ -46,19 +44,6 @@ pub enum HeightfieldError {
         /// What it must be.
         must: &'static str,
     },
-}
-
-/// Plain triangles of the ground.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct GroundMesh {
-    /// Metres.
-    pub positions: Vec<Vec3>,
-    /// Unit.
-    pub normals: Vec<Vec3>,
-    /// Linear, alpha 1.
-    pub colors: Vec<[f32; 4]>,
-    /// Counter-clockwise from above.
-    pub triangles: Vec<[u32; 3]>,
 }
 
 /// A cell and the place in it, 0 to 1.
@@ -153,39 +138,20 @@ impl Heightfield {
         self.normal(x, z).y.clamp(-1.0, 1.0).acos()
     }
 
-    /// Vertices, shading normals, colours and triangles. O(cells²).
-    ///
-    /// Colours are grass of several tones: lush in hollows, dry on ridges, bare soil where it is steep.
-    pub fn mesh_data(&self) -> GroundMesh {
-        let paint = GroundPaint::new(self);
-        let count = self.heights.len();
-        let mut mesh = GroundMesh {
-            positions: Vec::with_capacity(count),
-            normals: Vec::with_capacity(count),
-            colors: Vec::with_capacity(count),
-            triangles: Vec::with_capacity(2 * (self.cells as usize).pow(2)),
-        };
-        for z in 0..=self.cells {
-            for x in 0..=self.cells {
-                let [px, pz] = [x, z].map(|i| self.coordinate(i));
-                let position = Vec3::new(px, self.vertex_height(x, z), pz);
-                let normal = self.vertex_normal(x, z);
-                let [r, g, b] = paint.color(self, position, normal).to_array();
-                mesh.positions.push(position);
-                mesh.normals.push(normal);
-                mesh.colors.push([r, g, b, 1.0]);
-            }
-        }
+    /// Vertices, and triangles counter-clockwise from above.
+    #[cfg(test)]
+    pub(super) fn triangles(&self) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let row = self.cells + 1;
-        for z in 0..self.cells {
-            for x in 0..self.cells {
-                let i = z * row + x;
-                mesh.triangles.extend([[i, i + row, i + 1], [i + 1, i + row, i + row + 1]]);
-            }
-        }
-        mesh
+        let vertices = (0..row).flat_map(|z| (0..row).map(move |x| (x, z)));
+        let positions = vertices.map(|(x, z)| {
+            Vec3::new(self.coordinate(x), self.vertex_height(x, z), self.coordinate(z))
+        });
+        let corners = (0..self.cells).flat_map(|z| (0..self.cells).map(move |x| z * row + x));
+        let triangles = corners.flat_map(|i| [[i, i + row, i + 1], [i + 1, i + row, i + row + 1]]);
+        (positions.collect(), triangles.collect())
     }
 
+    #[cfg(test)]
     fn coordinate(&self, index: u32) -> f32 {
         index as f32 * (self.side_m / self.cells as f32) - self.side_m * 0.5
     }
@@ -298,52 +264,6 @@ impl RollingHills {
     }
 }
 
-/// Ground colours by place.
-struct GroundPaint {
-    tones: Field,
-    patches: Field,
-    grain: Field,
-    low: f32,
-    span: f32,
-}
-
-impl GroundPaint {
-    fn new(field: &Heightfield) -> Self {
-        let [low, high] = field.height_range();
-        Self {
-            tones: Field::new(11, 3, 210.0),
-            patches: Field::new(12, 4, 45.0),
-            grain: Field::new(13, 2, 9.0),
-            low,
-            span: (high - low).max(1.0),
-        }
-    }
-
-    fn color(&self, field: &Heightfield, position: Vec3, normal: Vec3) -> Vec3 {
-        const LUSH: Vec3 = Vec3::new(0.062, 0.125, 0.026);
-        const MEADOW: Vec3 = Vec3::new(0.110, 0.165, 0.038);
-        const DRY: Vec3 = Vec3::new(0.200, 0.185, 0.070);
-        const SOIL: Vec3 = Vec3::new(0.125, 0.088, 0.052);
-        let Vec3 { x, y, z } = position;
-        // How far the place stands out of the ground 25 m around: ridges dry up, hollows stay lush.
-        let reach = (field.side_m / field.cells as f32).max(25.0);
-        let around = [(reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)]
-            .map(|(dx, dz)| field.height(x + dx, z + dz))
-            .iter()
-            .sum::<f32>()
-            * 0.25;
-        let ridge = (y - around) / reach;
-        let altitude = (y - self.low) / self.span;
-        let (tone, patch) = (self.tones.at(x, z), self.patches.at(x, z));
-        let lush = smoothstep(0.55, 0.1, altitude + 0.25 * tone + 1.5 * ridge);
-        let dry = smoothstep(0.42, 0.95, altitude + 3.0 * ridge + 0.35 * tone + 0.25 * patch);
-        let grass = MEADOW.lerp(LUSH, lush * 0.85).lerp(DRY, dry * 0.8);
-        let steep = normal.y.clamp(-1.0, 1.0).acos().to_degrees() + 5.0 * patch;
-        let ground = grass.lerp(SOIL, smoothstep(19.0, 31.0, steep));
-        ground * (1.0 + 0.14 * patch + 0.12 * self.grain.at(x, z))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -353,10 +273,10 @@ mod tests {
     #[test]
     fn heights_are_those_of_the_triangles() {
         let field = Heightfield::rolling(400.0, 32, 3);
-        let mesh = field.mesh_data();
+        let (positions, triangles) = field.triangles();
         let mut rng = SplitMix64(1);
-        for triangle in mesh.triangles.iter().step_by(7) {
-            let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
+        for triangle in triangles.iter().step_by(7) {
+            let [a, b, c] = triangle.map(|i| positions[i as usize]);
             assert!((b - a).cross(c - a).y > 0.0, "seen from above, counter-clockwise");
             let (mut u, mut v) = (rng.next_f32(), rng.next_f32());
             if u + v > 1.0 {
@@ -373,9 +293,10 @@ mod tests {
             let field = Heightfield::rolling(2000.0, 128, seed);
             let [low, high] = field.height_range();
             assert!((20.0..110.0).contains(&(high - low)), "seed {seed}: {low} to {high}");
-            let mesh = field.mesh_data();
-            let steep = mesh.normals.iter().filter(|n| n.y < 30f32.to_radians().cos()).count();
-            assert!(steep * 20 < mesh.normals.len(), "seed {seed}: {steep} steep vertices");
+            let (positions, _) = field.triangles();
+            let steep =
+                positions.iter().filter(|p| field.slope(p.x, p.z).to_degrees() > 30.0).count();
+            assert!(steep * 20 < positions.len(), "seed {seed}: {steep} steep vertices");
             assert_eq!(field, Heightfield::rolling(2000.0, 128, seed));
         }
         assert_ne!(Heightfield::rolling(500.0, 16, 1), Heightfield::rolling(500.0, 16, 2));

@@ -22,7 +22,7 @@ mod height_grid;
 pub mod heightfield;
 pub mod mesh_ground;
 mod paint;
-pub mod pattern;
+mod pattern;
 pub mod planted;
 #[cfg(test)]
 mod planted_tests;
@@ -54,9 +54,8 @@ pub use flight::{Crown, CrownSource, FlightPath, FlightSettings, Role};
 pub use forest_shade::ForestShade;
 pub use ground::{Ground, Site};
 pub use habitat::{Habitat, PlantKind};
-pub use heightfield::{GroundMesh, Heightfield, HeightfieldError};
+pub use heightfield::{Heightfield, HeightfieldError};
 pub use mesh_ground::{MeshGround, MeshGroundError};
-pub use pattern::ForestPattern;
 pub use planted::{EditError, FoundTree, PlantedForest, TilePlan};
 pub use planting::{
     ForestTile, Planting, PlantingCounters, PlantingPlugin, PlantingSettings, PlantingSpecies,

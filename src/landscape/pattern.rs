@@ -3,7 +3,7 @@
 use super::{Field, smoothstep};
 
 /// Forestness of places; the same seed and patch size give the same pattern whatever the number of trees.
-pub struct ForestPattern {
+pub(super) struct ForestPattern {
     regions: Field,
     patches: Field,
     edges: Field,

@@ -71,7 +71,7 @@ mod tests {
         assert_eq!(model.materials.len(), 2);
         assert!(model.materials.iter().all(|m| m.is_leaf && m.double_sided));
         assert!(model.meshes.iter().all(|m| m.colors.len() == m.positions.len()));
-        let near = near_mesh_sources(&model);
+        let near = near_mesh_sources(&model, true);
         assert_eq!(near.len(), 2);
     }
 
