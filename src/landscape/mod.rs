@@ -29,6 +29,7 @@ mod planted_tests;
 mod planter;
 pub mod planting;
 pub mod quadtree;
+mod rivers;
 pub mod saved;
 pub mod scatter;
 mod scatter_on;

@@ -6,7 +6,7 @@ use super::Workplace;
 fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
     let place = Workplace::new();
     let size = "WIDTHxHEIGHT";
-    let runs: [(&str, &[&str]); 33] = [
+    let runs: [(&str, &[&str]); 47] = [
         ("bake {tree} --ldi 0", &["--ldi", "0 is not in 1..=16384"]),
         ("bake {tree} --ldi 100000", &["--ldi", "100000 is not in 1..=16384"]),
         ("bake {tree} --ldi -5", &["--ldi", "-5 is not in 1..=16384"]),
@@ -32,13 +32,27 @@ fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
         ("fly --headless --size abc", &["--size", "abc", size]),
         ("fly --headless --size 100000x10", &["--size", "100000x10", size]),
         ("fly --headless --frames 0", &["--frames 0", "give 1 or more"]),
-        ("fly --headless --count -7", &["--count", "-7"]),
-        ("fly --headless --count 0", &["--count 0", "give 1 or more"]),
         ("fly --headless --quality -1", &["--quality", "-1", "0.05 to 16"]),
-        ("fly --headless --side -5", &["--side", "50 to 16000"]),
+        ("fly --headless --trees -7", &["--trees", "-7", "1M"]),
+        ("fly --headless --trees many", &["--trees", "many", "1M"]),
+        ("fly --headless --trees 0", &["--trees 0", "1000 or more", "--no-forest"]),
+        ("fly --headless --trees 20M", &["--trees", "at most 10M"]),
+        ("fly --headless --density 0", &["--density", "per hectare"]),
+        ("fly --headless --density nan", &["--density", "per hectare"]),
+        ("fly --headless --variants 0", &["--variants", "1..=8"]),
+        ("fly --headless --memory 1", &["--memory", "64..="]),
+        ("fly --headless --side -5", &["--side", "-5", "16km"]),
+        ("fly --headless --side far", &["--side", "far", "16km"]),
+        ("fly --headless --side 999m", &["--side", "1km to 64km"]),
+        ("fly --headless --side 65km", &["--side", "1km to 64km"]),
         ("fly --headless --height -2", &["--height", "height in metres"]),
+        ("fly --headless --hour 25", &["--hour", "0 to 24"]),
+        ("fly --headless --season -0.1", &["--season", "0 (summer) to 1"]),
+        ("fly --headless --visibility 5", &["--visibility", "100 metres"]),
+        ("fly --headless --tree-distance 0", &["--tree-distance", "100 metres"]),
         ("fly --headless --mesh-distance -1", &["--mesh-distance", "metres"]),
         ("fly --headless --splat-path u16", &["--splat-path", "u16"]),
+        ("fly --headless --sky blue", &["--sky", "blue"]),
         ("fly --headless --way nan", &["--way", "numbers"]),
     ];
     for (arguments, parts) in runs {

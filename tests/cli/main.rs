@@ -3,7 +3,9 @@
 
 mod bad_models;
 mod bad_options;
+mod bad_worlds;
 mod bake;
+mod fly;
 mod glb;
 mod no_adapter;
 mod pictures;
@@ -96,14 +98,19 @@ impl Run {
     #[track_caller]
     fn fails_with(&self, parts: &[&str]) {
         assert!(!self.ok, "{parts:?}: {}{}", self.out, self.err);
-        let is_error =
-            |line: &&str| line.starts_with("treeline: ") || line.starts_with("error: invalid");
+        let is_error = |line: &&str| {
+            ["treeline: ", "error: invalid", "error: the "].iter().any(|s| line.starts_with(s))
+        };
         let errors: Vec<&str> = self.err.lines().filter(is_error).collect();
         // A bake goes on with the next model, so it ends with a count of what failed.
         let errors: Vec<_> = errors.into_iter().filter(|e| !e.contains("models failed")).collect();
         assert_eq!(errors.len(), 1, "{parts:?}: {}", self.err);
+        // What is missing stands on a line of its own.
+        let usage = self.err.split("Usage").next().unwrap_or_default();
+        let message = usage.split_once(errors[0]).map_or("", |(_, rest)| rest);
         for part in parts {
-            assert!(errors[0].contains(part), "{} lacks {part}", errors[0]);
+            let found = errors[0].contains(part) || message.contains(part);
+            assert!(found, "{} lacks {part}", self.err);
         }
     }
 }
@@ -137,13 +144,22 @@ fn the_help_of_every_command_names_its_options() {
         (
             "fly",
             &[
+                "--trees",
+                "--density",
+                "--species",
                 "--tree",
+                "--side",
+                "--dem",
+                "--seed",
+                "--hour",
+                "--season",
                 "--headless",
                 "--frames",
                 "--size",
-                "--seed",
                 "--out",
-                "--count",
+                "--json",
+                "--flip",
+                "--no-forest",
                 "--splat-path",
             ],
         ),

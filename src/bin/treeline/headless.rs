@@ -19,11 +19,16 @@ use bevy::{
         settings::{Backends, RenderCreation, WgpuSettings},
         texture::GpuImage,
     },
+    time::TimeUpdateStrategy,
     window::ExitCondition,
     winit::WinitPlugin,
 };
 use bevy_treeline::{CacheLocation, SplatPath, TreelinePlugin};
 use image::RgbaImage;
+use std::time::Duration;
+
+/// Frames a second of films, and so of the time that passes without a window.
+pub const FILM_FPS: u32 = 24;
 
 /// Bevy's plugins with or without a window.
 pub fn bevy_plugins(window: Option<Window>) -> PluginGroupBuilder {
@@ -82,6 +87,9 @@ pub fn headless_app_with(
     app.add_plugins(bevy_plugins(None))
         .add_plugins(RenderDiagnosticsPlugin)
         .add_plugins(TreelinePlugin { splat_path, cache: CacheLocation::Off, ..default() });
+    // Water must not look different on a slower machine.
+    let frame_time = Duration::from_secs_f64(1.0 / f64::from(FILM_FPS));
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(frame_time));
     build(&mut app)?;
     app.finish();
     app.cleanup();

@@ -6,15 +6,15 @@
 //! randomly turned leaves stops half of its area), and each cell keeps what comes from where as spherical harmonics.
 //! O(triangles + occupied cells × directions × cells of a side), parallel: some 50 ms for a tree; a place costs O(1).
 
-use super::{
-    source::{SourceAlpha, SourceMesh, SourceModel},
-    texture::base_color,
-};
+mod density;
+
+use super::source::SourceModel;
 use crate::{
     asset::{SURFEL_TWO_SIDED, Surfel},
     math::spherical_harmonics::{self as harmonics, Harmonics},
 };
 use bevy::math::Vec3;
+use density::optical_depths;
 use rayon::prelude::*;
 
 /// Cells along the longest side of the model's box.
@@ -25,21 +25,12 @@ const MARGIN: f32 = 2.0;
 const DIRECTIONS: usize = 32;
 /// Light from below, reflected by the ground, relative to that of the sky.
 const GROUND: f32 = 0.3;
-/// Share of a surface's area that it takes from a ray, averaged over all directions.
-const PROJECTION: f32 = 0.5;
 /// A ray starts this many cells away, so that a surface does not shade itself by sharing a cell with its own area.
 const START: f32 = 1.0;
 /// Optical depth at which a ray is given up: 0.03 % gets through.
 const OPAQUE: f32 = 8.0;
 /// How far off a surface the light of a side is looked up, in cells.
 const OFF_SURFACE: f32 = 1.0;
-/// Edges of triangles are cut into pieces no longer than this share of a cell, and at most this many.
-const PIECE: f32 = 0.5;
-const MOST_PIECES: f32 = 128.0;
-/// Pieces along an edge of a masked triangle at least, for a fair share of holes.
-const MASKED_PIECES: f32 = 2.0;
-/// Triangles of a parallel task.
-const CHUNK: usize = 4096;
 
 /// Light that arrives in each cell of a grid around a model. The unit of length does not matter.
 #[derive(Clone, Debug)]
@@ -226,69 +217,6 @@ impl Grid {
             near = next.collect();
         }
         near
-    }
-}
-
-/// Optical depth of each cell, per cell that a ray crosses.
-fn optical_depths(model: &SourceModel, grid: &Grid) -> Vec<f32> {
-    let chunks: Vec<(&SourceMesh, usize)> = model
-        .meshes
-        .iter()
-        .flat_map(|mesh| (0..mesh.triangles.len()).step_by(CHUNK).map(move |start| (mesh, start)))
-        .collect();
-    let pieces: Vec<Vec<(u32, f32)>> = chunks
-        .into_par_iter()
-        .map(|(mesh, start)| {
-            let mut out = vec![];
-            for t in start..(start + CHUNK).min(mesh.triangles.len()) {
-                cut_triangle(model, mesh, t, grid, &mut out);
-            }
-            out
-        })
-        .collect();
-    let mut depths = vec![0.0; grid.size.iter().product()];
-    // One after the other: sums of floats depend on the order.
-    for (cell, depth) in pieces.into_iter().flatten() {
-        depths[cell as usize] += depth;
-    }
-    depths
-}
-
-/// The cells of a triangle's pieces and what each adds to the optical depth; holes of masks add nothing.
-fn cut_triangle(
-    model: &SourceModel,
-    mesh: &SourceMesh,
-    t: usize,
-    grid: &Grid,
-    out: &mut Vec<(u32, f32)>,
-) {
-    let [a, b, c] = mesh.corners(t).map(|p| (p - grid.corner) * grid.cells_per_unit);
-    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    let area = 0.5 * (b - a).cross(c - a).length();
-    let material = model.materials.get(mesh.material);
-    let cutoff = material.and_then(|m| match m.alpha {
-        SourceAlpha::Mask(cutoff) => Some(cutoff),
-        SourceAlpha::Opaque => None,
-    });
-    let least = if cutoff.is_some() { MASKED_PIECES } else { 1.0 };
-    let steps = (longest / PIECE).ceil().clamp(least, MOST_PIECES) as usize;
-    let depth = PROJECTION * area / (steps * steps) as f32;
-    for i in 0..steps {
-        for j in 0..steps - i {
-            // The upright piece at (i, j), and beside it the inverted one, if there is one.
-            let inverted = i + j + 1 < steps;
-            for third in [1.0 / 3.0, 2.0 / 3.0].into_iter().take(1 + usize::from(inverted)) {
-                let (u, v) = ((i as f32 + third) / steps as f32, (j as f32 + third) / steps as f32);
-                let weights = [1.0 - u - v, u, v];
-                let is_hole = cutoff.is_some_and(|cutoff| {
-                    base_color(model, mesh, mesh.triangles[t], weights).w < cutoff
-                });
-                let place = a * weights[0] + b * u + c * v;
-                if let Some(cell) = grid.cell(place).filter(|_| !is_hole) {
-                    out.push((cell as u32, depth));
-                }
-            }
-        }
     }
 }
 
