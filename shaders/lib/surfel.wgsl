@@ -8,6 +8,7 @@
 const SURFEL_LEAF: u32 = 1u;
 const SURFEL_TWO_SIDED: u32 = 2u;
 const SURFEL_UNLIT: u32 = 4u;
+const SURFEL_KEEPS_NORMAL: u32 = 8u;
 
 // Hot half: model space, within the model's box.
 fn surfel_position(position_xy: u32, position_z_face: u32, box_lo: vec3<f32>, box_extent: vec3<f32>) -> vec3<f32> {
@@ -48,7 +49,7 @@ fn surfel_albedo(normal_albedo_rg: u32, albedo_b_misc: u32) -> vec3<f32> {
     return srgb_to_linear(vec3<f32>(srgb) / 255.0);
 }
 
-// Cold half: SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT.
+// Cold half: SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, SURFEL_KEEPS_NORMAL.
 fn surfel_flags(albedo_b_misc: u32) -> u32 {
     return (albedo_b_misc >> 8u) & 15u;
 }

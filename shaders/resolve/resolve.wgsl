@@ -10,7 +10,7 @@
 #import bevy_treeline::debug_view::debug_color
 #endif
 #import bevy_treeline::instance::{rotate, rotation_of, tint_of}
-#import bevy_treeline::surfel::{SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
+#import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
 @group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
@@ -104,7 +104,8 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
         // The face decides which side is seen, as a rasteriser would: interpolated normals look away on low-poly trunks.
         let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
         let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-        pbr.N = select(-normal, normal, dot(face, pbr.V) >= 0.0);
+        let keeps = (surfel_flags(cold.albedo_b_misc) & SURFEL_KEEPS_NORMAL) != 0u;
+        pbr.N = select(-normal, normal, keeps || dot(face, pbr.V) >= 0.0);
         pbr.world_normal = pbr.N;
         pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
         pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// Version of the bake. Raise it when equal models and settings give other points than before: it is part of every
 /// key, so older entries are no longer found.
-pub const BAKE_VERSION: u32 = 4;
+pub const BAKE_VERSION: u32 = 5;
 
 /// The environment variable that names the cache folder.
 pub const CACHE_DIR_VARIABLE: &str = "TREELINE_CACHE_DIR";

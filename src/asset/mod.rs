@@ -22,7 +22,8 @@ pub use format_error::{FilePart, FormatError, SectionId, SectionProblem};
 #[doc(hidden)]
 pub use surfel::MIRRORS as SURFEL_MIRRORS;
 pub use surfel::{
-    SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold, SurfelHot, light_factor,
+    SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold,
+    SurfelHot, light_factor,
 };
 pub use tree_asset::{NearMesh, NearMeshPiece, TreeAsset};
 pub use tree_data::{

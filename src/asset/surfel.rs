@@ -14,6 +14,8 @@ pub const SURFEL_LEAF: u8 = 1;
 pub const SURFEL_TWO_SIDED: u8 = 2;
 /// The colour is drawn as it is, without light.
 pub const SURFEL_UNLIT: u8 = 4;
+/// Flag: the shading normal is used as it is from both sides.
+pub const SURFEL_KEEPS_NORMAL: u8 = 8;
 
 /// A point in full precision, before packing and after unpacking.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +28,7 @@ pub struct Surfel {
     pub normal: Vec3,
     /// sRGB albedo.
     pub albedo: [u8; 3],
-    /// Any of [`SURFEL_LEAF`], [`SURFEL_TWO_SIDED`], [`SURFEL_UNLIT`].
+    /// Any of [`SURFEL_LEAF`], [`SURFEL_TWO_SIDED`], [`SURFEL_UNLIT`], [`SURFEL_KEEPS_NORMAL`].
     pub flags: u8,
     /// How thick the surface is here, in LDI pixels: 0 is less than 3, 1 less than 8, 2 less than 24, 3 more.
     pub thickness: u8,
@@ -145,7 +147,12 @@ mod tests {
     #[test]
     fn a_surfel_survives_packing() {
         let bounds = Aabb { min: Vec3::splat(-1.0), max: Vec3::splat(3.0) };
-        for flags in [0, SURFEL_TWO_SIDED | SURFEL_LEAF, SURFEL_UNLIT] {
+        for flags in [
+            0,
+            SURFEL_TWO_SIDED | SURFEL_LEAF,
+            SURFEL_UNLIT,
+            SURFEL_TWO_SIDED | SURFEL_KEEPS_NORMAL,
+        ] {
             let surfel = Surfel {
                 position: Vec3::new(0.25, 2.5, -0.75),
                 face_normal: Vec3::new(0.6, -0.64, 0.48),

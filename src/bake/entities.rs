@@ -185,6 +185,7 @@ impl EntityReader<'_> {
             unlit: material.unlit,
             perceptual_roughness: material.perceptual_roughness,
             metallic: material.metallic,
+            keeps_normals: false,
             is_leaf: material.double_sided || matches!(alpha, SourceAlpha::Mask(_)),
         });
         let index = self.model.materials.len() - 1;

@@ -114,7 +114,8 @@ fn standard_material(material: &SourceMaterial) -> StandardMaterial {
         base_color: LinearRgba::new(c.x, c.y, c.z, c.w).into(),
         perceptual_roughness: material.perceptual_roughness,
         metallic: material.metallic,
-        double_sided: material.double_sided,
+        // What Bevy calls so turns the normals of back faces.
+        double_sided: material.double_sided && !material.keeps_normals,
         cull_mode: (!material.double_sided).then_some(Face::Back),
         unlit: material.unlit,
         alpha_mode: match material.alpha {

@@ -3,7 +3,7 @@
 use super::peel::{PeelDirection, PeelOutput};
 use super::source::{SourceMaterial, SourceModel};
 use super::thickness::thickness_classes;
-use crate::asset::{SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel};
+use crate::asset::{SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel};
 
 /// The surfel of each sample. Ambient visibility is open (255), which `lighting` changes, and the group 0.
 pub fn surfels(model: &SourceModel, output: &PeelOutput) -> Vec<Surfel> {
@@ -32,6 +32,7 @@ fn flags(material: &SourceMaterial) -> u8 {
     bit(material.is_leaf, SURFEL_LEAF)
         | bit(material.double_sided, SURFEL_TWO_SIDED)
         | bit(material.unlit, SURFEL_UNLIT)
+        | bit(material.keeps_normals, SURFEL_KEEPS_NORMAL)
 }
 
 /// Surface area that the samples stand for (model units²): the model's, with the holes of masks left out.

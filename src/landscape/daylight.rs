@@ -41,7 +41,7 @@ pub struct Daylight {
     pub sun_direction: Vec3,
     /// Colour of the direct light, its largest part 1.
     pub light_color: Vec3,
-    /// Lux: about 10,000 at noon, which suits Bevy's default exposure; near 0 at dusk, a little moonlight at night.
+    /// Lux: about 13,000 at noon, which suits Bevy's default exposure; near 0 at dusk, a little moonlight at night.
     pub illuminance: f32,
     /// Colour of the light of the sky, its largest part 1.
     pub ambient_color: Vec3,
@@ -77,17 +77,17 @@ impl Daylight {
         let sun_is_up = height > -0.012;
         let moonlight = Vec3::new(0.62, 0.75, 1.0);
         let (light_direction, light) = if sun_is_up {
-            (sun.with_y(sun.y.max(0.012)).normalize(), sunlight * 10_000.0)
+            (sun.with_y(sun.y.max(0.012)).normalize(), sunlight * 13_500.0)
         } else {
             (moon, moonlight * (220.0 * smoothstep(-0.03, -0.16, height)))
         };
         let illuminance = light.max_element();
         let light_color = if illuminance > 0.0 { light / illuminance } else { Vec3::ONE };
         let zenith = Vec3::new(0.0035, 0.006, 0.016)
-            .lerp(Vec3::new(0.13, 0.29, 0.66), day)
+            .lerp(Vec3::new(0.16, 0.40, 0.98), day)
             .lerp(Vec3::new(0.12, 0.19, 0.38), low * 0.6);
         let horizon = Vec3::new(0.007, 0.011, 0.024)
-            .lerp(Vec3::new(0.58, 0.76, 0.96), day)
+            .lerp(Vec3::new(0.85, 1.08, 1.32), day)
             .lerp(Vec3::new(0.78, 0.50, 0.34), low * 0.72);
         let glow = Vec3::new(1.0, 0.93, 0.78).lerp(Vec3::new(1.0, 0.42, 0.12), low.sqrt())
             * (0.32 * day).max(1.0 * low)
@@ -102,7 +102,7 @@ impl Daylight {
             light_color,
             illuminance,
             ambient_color,
-            ambient_brightness: 700.0 * brightest.powf(0.85) + 26.0 * night,
+            ambient_brightness: 690.0 * brightest.powf(0.85) + 26.0 * night,
             zenith,
             horizon,
             glow,

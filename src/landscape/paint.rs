@@ -27,9 +27,9 @@ const BIOMES: usize = TEXTURE_SIDE / BIOME_STEP + 1;
 const TREE_TEXEL_M: f32 = 2.2;
 
 /// Linear albedos.
-const MEADOW_LUSH: Vec3 = Vec3::new(0.068, 0.096, 0.030);
-const MEADOW_DRY: Vec3 = Vec3::new(0.150, 0.132, 0.062);
-const MEADOW_HIGH: Vec3 = Vec3::new(0.108, 0.106, 0.054);
+const MEADOW_LUSH: Vec3 = Vec3::new(0.060, 0.102, 0.026);
+const MEADOW_DRY: Vec3 = Vec3::new(0.112, 0.118, 0.044);
+const MEADOW_HIGH: Vec3 = Vec3::new(0.090, 0.100, 0.044);
 const HEATH: Vec3 = Vec3::new(0.078, 0.072, 0.040);
 const FOREST_FLOOR: Vec3 = Vec3::new(0.052, 0.046, 0.024);
 const MOSS: Vec3 = Vec3::new(0.042, 0.066, 0.018);

@@ -142,7 +142,7 @@ fn bent_normal(shape: &BladeShape, rib: &Rib) -> Vec3 {
     if face.y < 0.0 {
         face = -face;
     }
-    let out = (rib.position.with_y(0.0) * 1.5 + Vec3::Y * 0.6).normalize_or(Vec3::Y);
+    let out = (rib.position.with_y(0.0) * 0.8 + Vec3::Y).normalize_or(Vec3::Y);
     (face * (1.0 - shape.bend) + out * shape.bend).normalize_or(Vec3::Y)
 }
 

@@ -98,6 +98,9 @@ pub struct SourceMaterial {
     pub metallic: f32,
     /// Foliage (masked, two-sided or named so), not wood.
     pub is_leaf: bool,
+    /// Normals light both sides as they are, as those of leaves that are bent to the outside of the crown; else they are
+    /// turned to the side that is seen. glTF has no such thing.
+    pub keeps_normals: bool,
 }
 
 impl Default for SourceMaterial {
@@ -112,6 +115,7 @@ impl Default for SourceMaterial {
             perceptual_roughness: 1.0,
             metallic: 0.0,
             is_leaf: false,
+            keeps_normals: false,
         }
     }
 }

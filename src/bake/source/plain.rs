@@ -23,6 +23,8 @@ pub fn model_of_plain_tree(name: &str, tree: &PlainTree) -> SourceModel {
         perceptual_roughness: part.roughness,
         // As for files: what is seen from both sides is foliage.
         is_leaf: part.double_sided,
+        // Bent to the light; turned to the eye they would sprinkle the crown with dark leaves.
+        keeps_normals: part.double_sided,
         ..SourceMaterial::default()
     });
     SourceModel {

@@ -69,6 +69,7 @@ impl Images {
             unlit: material.unlit(),
             perceptual_roughness: pbr.roughness_factor(),
             metallic: pbr.metallic_factor(),
+            keeps_normals: false,
         })
     }
 

@@ -87,7 +87,7 @@ pub struct FlyArgs {
     #[arg(long)]
     pub json: Option<PathBuf>,
     /// q: points per pixel of surface.
-    #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().quality, allow_negative_numbers = true, value_parser = parse_quality)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true, value_parser = parse_quality)]
     pub quality: f32,
     /// Meshes up to this distance at least, metres.
     #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance, allow_negative_numbers = true)]

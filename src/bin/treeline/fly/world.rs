@@ -7,7 +7,10 @@ use crate::{
 };
 use bevy::{
     camera::Hdr,
-    core_pipeline::prepass::{DepthPrepass, NormalPrepass},
+    core_pipeline::{
+        prepass::{DepthPrepass, NormalPrepass},
+        tonemapping::Tonemapping,
+    },
     light::{
         Atmosphere, CascadeShadowConfigBuilder, DirectionalLightShadowMap,
         atmosphere::ScatteringMedium,
@@ -107,7 +110,7 @@ pub fn prepare(args: &FlyArgs) -> ToolResult<Plan> {
     if !members.is_empty() {
         let amount = match (args.trees, args.density) {
             (Some(total), _) => TreeAmount::Total(total),
-            (None, density) => TreeAmount::PerHectare(density.unwrap_or(320.0)),
+            (None, density) => TreeAmount::PerHectare(density.unwrap_or(220.0)),
         };
         let settings = ScatterSettings {
             seed: args.seed,
@@ -204,10 +207,13 @@ pub fn camera(world: &mut World, args: &FlyArgs) -> Entity {
         TreelineSettings {
             quality: args.quality,
             min_mesh_distance: args.mesh_distance,
+            // Inside forests every tree in sight gets its points, hidden by others or not.
+            point_capacity_millions: 96.0,
             ..default()
         },
     ));
     let camera = camera.id();
+    world.entity_mut(camera).insert(Tonemapping::AcesFitted);
     if world.resource::<HasAtmosphere>().0 {
         let medium = ScatteringMedium::earth(256, 256);
         let medium = world.resource_mut::<Assets<ScatteringMedium>>().add(medium);
