@@ -147,9 +147,9 @@ fn a_model_bakes_as_it_loads_and_has_its_mesh_for_near() {
     app.world_mut().spawn(TreeImpostor::new(handle.clone()));
     let tree = wait_for_tree(&mut app, &handle);
     let statistics = &tree.data.statistics;
-    assert_eq!((statistics.ldi_size, statistics.triangles), (48, 12_067));
+    assert_eq!((statistics.ldi_size, statistics.triangles), (48, 30_534));
     assert!(tree.data.point_count() > 1000);
-    assert_eq!(near_triangles(&app, &tree), 12_067);
+    assert_eq!(near_triangles(&app, &tree), 30_534);
     assert_eq!(disk.cached(), 1);
 }
 
@@ -195,7 +195,7 @@ fn a_baked_file_finds_its_model_also_in_another_folder() {
         let handle = load(&app, name);
         let tree = wait_for_tree(&mut app, &handle);
         assert_eq!(tree.data.as_ref(), &written);
-        assert_eq!(near_triangles(&app, &tree), 12_067, "{name}");
+        assert_eq!(near_triangles(&app, &tree), 30_534, "{name}");
     }
     assert_eq!(disk.cached(), 0);
 }
@@ -315,7 +315,7 @@ fn a_saved_tree_loads_again() {
     let handle = load(&app, "saved.treeline");
     let again = wait_for_tree(&mut app, &handle);
     assert_eq!(again.data, tree.data);
-    assert_eq!(near_triangles(&app, &again), 12_067);
+    assert_eq!(near_triangles(&app, &again), 30_534);
 }
 
 /// What `BakeFailed` said.
@@ -362,7 +362,7 @@ fn a_file_outside_the_asset_folder_is_baked_and_a_failure_is_sent() {
         assert_eq!(kept, Some(failure.error.as_str()));
     }
     let tree = app.world().resource::<Assets<TreeAsset>>().get(&good).expect("it is baked").clone();
-    assert_eq!(near_triangles(&app, &tree), 12_924);
+    assert_eq!(near_triangles(&app, &tree), 35_619);
     assert!(app.world().resource::<BakeTasks>().failure(&good).is_none());
 }
 

@@ -75,7 +75,7 @@ fn one_tree(path: SplatPath) -> Option<RgbaImage> {
     let mut stage = outdoors(path)?;
     let tree = stage.tree("oak", false);
     stage.world().spawn(TreeImpostor::new(tree));
-    let (_, image) = stage.view(SIZE, before("oak", 16.0));
+    let (_, image) = stage.view(SIZE, before("oak", 30.0));
     Some(stage.shoot(&image, 3))
 }
 
@@ -94,7 +94,7 @@ fn forest(path: SplatPath) -> Option<RgbaImage> {
             ..TreeInstance::at(cell + jitter)
         }
         .with_yaw(random.range(-3.0, 3.0))
-        .with_scale(random.range(0.7, 1.1))
+        .with_scale(random.range(0.38, 0.6))
         .with_species(random.below(3) as u16)
     });
     stage.world().spawn(Forest::new(species).with(trees));
@@ -118,7 +118,7 @@ fn crossfade_band() -> Option<RgbaImage> {
     for i in 0..6 {
         let (bearing, distance) = (i as f32 * 0.2 - 0.5, 10.8 + 1.1 * i as f32);
         let at = Vec3::new(bearing.sin(), 0.0, -bearing.cos()) * distance;
-        let place = Transform::from_translation(at).with_scale(Vec3::splat(0.5));
+        let place = Transform::from_translation(at).with_scale(Vec3::splat(0.25));
         stage.world().spawn((TreeImpostor::new(tree.clone()), place));
     }
     let place =

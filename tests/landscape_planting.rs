@@ -21,9 +21,10 @@ fn planting() -> Planting {
         .map(|(name, height, radius)| ScatterSpecies::new(name, height, radius));
     let settings = ScatterSettings { tile_m: TILE_M, ..default() };
     let scatter = Scatter::new(ground, biomes, species.to_vec(), settings).expect("it fits");
-    let kind = PlantingSpecies { unit_scale: 2.0, ..default() };
+    let handles = || vec![Handle::<TreeAsset>::default()];
+    let kind = PlantingSpecies { summer: handles(), unit_scale: 2.0, ..default() };
     // Oaks have a second handle, so the species behind them count from 2.
-    let oak = PlantingSpecies { autumn: vec![Handle::<TreeAsset>::default()], ..kind.clone() };
+    let oak = PlantingSpecies { autumn: handles(), ..kind.clone() };
     Planting::new(PlantedForest::new(Arc::new(scatter)), &[oak, kind.clone(), kind])
 }
 

@@ -74,7 +74,7 @@ fn report(what: &str, [main, extract, render, gpu]: [f64; 4]) {
 #[ignore = "measures, checks nothing"]
 fn four_thousand_tiles_without_a_camera() {
     let Some(mut stage) = Stage::new("four_thousand_tiles", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", true);
+    let tree = stage.tree("oak", true);
     assert_eq!(stage.app.sub_apps().sub_apps.len(), 1, "only the renderer");
     assert!(stage.app.get_sub_app(RenderApp).is_some());
     stage.step(3);
@@ -102,7 +102,7 @@ fn four_thousand_tiles_without_a_camera() {
 #[ignore = "measures, checks nothing"]
 fn a_million_trees_with_a_sixth_in_sight() {
     let Some(mut stage) = Stage::new("a_million_trees", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", true);
+    let tree = stage.tree("oak", true);
     let place = Transform::from_xyz(0.0, 40.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);
     let (camera, _) = stage.view(SIZE, place);
     let fov = std::f32::consts::FRAC_PI_3;

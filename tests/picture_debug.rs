@@ -32,18 +32,18 @@ fn colors(picture: &RgbaImage) -> Vec<[u8; 3]> {
 #[test]
 fn every_debug_view_shows_what_it_is_named_for() {
     let Some(mut stage) = Stage::new("every_debug_view", SplatPath::Auto) else { return };
-    let tree = stage.tree("broadleaf", false);
+    let tree = stage.tree("oak", false);
     stage.world().spawn(TreeImpostor::new(tree));
     stage.light(Vec3::new(-0.5, -0.7, -0.5), false);
-    let (camera, image) = stage.view(SIZE, before("broadleaf", 40.0));
+    let (camera, image) = stage.view(SIZE, before("oak", 70.0));
     let mut shot = |view: DebugView, distance: f32| {
-        let place = before("broadleaf", distance);
+        let place = before("oak", distance);
         stage.world().entity_mut(camera).insert((settings(view), place));
         let picture = stage.shoot(&image, 3);
         assert_eq!(stage.pipelines().1, Vec::<String>::new(), "{view:?}");
         picture
     };
-    let plain = shot(DebugView::Off, 40.0);
+    let plain = shot(DebugView::Off, 70.0);
     let mut seen = vec![plain.clone()];
     for view in [
         DebugView::PointsAndTriangles,
@@ -55,7 +55,7 @@ fn every_debug_view_shows_what_it_is_named_for() {
         DebugView::AmbientVisibility,
         DebugView::Albedo,
     ] {
-        let picture = shot(view, 40.0);
+        let picture = shot(view, 70.0);
         assert_eq!(coverage(&picture), coverage(&plain), "{view:?} changes what is covered");
         assert!(!seen.contains(&picture), "{view:?} looks like another");
         let found = colors(&picture);
@@ -76,23 +76,23 @@ fn every_debug_view_shows_what_it_is_named_for() {
     }
     // Farther away, fewer points: the colour goes from red to blue.
     let redness = |c: Vec3| c.x - c.z;
-    let near = mean_color(&shot(DebugView::PrefixLength, 12.0));
-    let far = mean_color(&shot(DebugView::PrefixLength, 150.0));
+    let near = mean_color(&shot(DebugView::PrefixLength, 20.0));
+    let far = mean_color(&shot(DebugView::PrefixLength, 260.0));
     assert!(redness(near) > redness(far) + 50.0, "{near} near, {far} far");
     // At any distance q = 2 points a pixel: green.
-    let green = mean_color(&shot(DebugView::PointsPerPixel, 80.0));
+    let green = mean_color(&shot(DebugView::PointsPerPixel, 140.0));
     assert!(green.y > 240.0 && green.x < 150.0 && green.z < 150.0, "{green}");
 }
 
 #[test]
 fn near_meshes_turn_blue_and_back() {
     let Some(mut stage) = Stage::new("near_meshes_turn_blue", SplatPath::Auto) else { return };
-    let tree = stage.tree("conifer", true);
+    let tree = stage.tree("spruce", true);
     stage.world().spawn(TreeImpostor::new(tree));
     let ground = StandardMaterial { base_color: Color::WHITE, ..default() };
-    stage.cuboid(Vec3::new(3.0, 3.0, 0.1), ground, Vec3::new(-6.0, 2.0, 0.0));
+    stage.cuboid(Vec3::new(3.0, 3.0, 0.1), ground, Vec3::new(-6.0, 12.0, 0.0));
     stage.light(Vec3::new(-0.5, -0.7, -0.5), false);
-    let (camera, image) = stage.view(SIZE, before("conifer", 9.0));
+    let (camera, image) = stage.view(SIZE, before("spruce", 17.0));
     let plain = stage.shoot(&image, 8);
     assert_eq!(stage.counters(camera).as_mesh, 1, "the tree is a mesh");
     stage.world().entity_mut(camera).insert(settings(DebugView::PointsAndTriangles));
@@ -108,11 +108,11 @@ fn near_meshes_turn_blue_and_back() {
 #[test]
 fn the_crossfade_band_is_orange() {
     let Some(mut stage) = Stage::new("the_crossfade_band", SplatPath::Auto) else { return };
-    let tree = stage.tree("conifer", true);
-    let trees = [(-2.0, 12.5), (10.0, 30.0)].map(|(x, d)| TreeInstance::at(Vec3::new(x, 0.0, -d)));
+    let tree = stage.tree("spruce", true);
+    let trees = [(-4.0, 24.0), (20.0, 58.0)].map(|(x, d)| TreeInstance::at(Vec3::new(x, 0.0, -d)));
     stage.world().spawn(Forest::new([tree]).with(trees));
     stage.light(Vec3::NEG_Y, false);
-    let place = Transform::from_xyz(0.0, 4.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);
+    let place = Transform::from_xyz(0.0, 8.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);
     let (camera, image) = stage.view(SIZE, place);
     let band =
         TreelineSettings { fade_width: 0.6, fade_jitter: 0.0, ..settings(DebugView::FadeBand) };

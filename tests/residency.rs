@@ -25,7 +25,7 @@ fn tile_trees(tile: IVec2, trees: usize) -> impl Iterator<Item = TreeInstance> {
         let at = Vec3::new(random.range(0.0, TILE), 0.0, random.range(0.0, TILE));
         TreeInstance::at(at)
             .with_yaw(random.range(-3.0, 3.0))
-            .with_scale(random.range(0.2, 0.6))
+            .with_scale(random.range(0.12, 0.35))
             .with_species(random.below(2) as u16)
     })
 }
@@ -39,7 +39,7 @@ fn tile(species: &[Handle<TreeAsset>; 2], tile: IVec2, trees: usize) -> (Forest,
 }
 
 fn species(stage: &mut Stage) -> [Handle<TreeAsset>; 2] {
-    ["broadleaf", "birch"].map(|name| stage.tree(name, false))
+    ["oak", "birch"].map(|name| stage.tree(name, false))
 }
 
 /// A fresh app with these tiles and nothing else.

@@ -266,14 +266,18 @@ fn near_trees_of_a_forest_are_meshes_as_on_the_cpu() {
 fn a_single_tree_changes_from_mesh_to_points_with_distance() {
     let Some(mut stage) = Stage::new("a_single_tree_changes", SplatPath::Auto) else { return };
     let asset = stage.tree("oak", true);
-    let tree = stage.world().spawn(TreeImpostor::new(asset)).id();
+    // Half the size: its points would do from 11 m on, but nearer than 15 m there are meshes.
+    let half = Transform::from_scale(Vec3::splat(0.5));
+    let tree = stage.world().spawn((TreeImpostor::new(asset), half)).id();
+    let middle = 0.5 * baked("oak").data.bounds.center();
     let (camera, _) = stage.view(SIZE, default());
     let all = baked("oak").data.point_count() as u32;
     // Mesh up to 11.25 m, both complete at 13.1 m, points from 15 m.
     for (distance, as_mesh, in_fade) in
         [(8.0, 1, 0), (12.5, 0, 1), (14.0, 0, 1), (15.5, 0, 0), (60.0, 0, 0), (10.0, 1, 0)]
     {
-        stage.world().entity_mut(camera).insert(common::before("oak", distance));
+        let place = Transform::from_translation(middle + Vec3::Z * distance);
+        stage.world().entity_mut(camera).insert(place.looking_at(middle, Vec3::Y));
         stage.step(9);
         let counters = stage.counters(camera);
         let state = *stage.world().get::<LodState>(tree).expect("it is required");
@@ -285,7 +289,8 @@ fn a_single_tree_changes_from_mesh_to_points_with_distance() {
         assert_eq!(state.points_baked, all);
         assert_eq!(state.mesh > 0.0, as_mesh + in_fade == 1, "{what}");
         assert_eq!(state.mesh == 1.0, distance < 13.0, "{what}");
-        assert!((state.d0 - baked("oak").data.pixel * view_point(&stage, camera).z0).abs() < 1e-3);
+        let d0 = 0.5 * baked("oak").data.pixel * view_point(&stage, camera).z0;
+        assert!((state.d0 - d0).abs() < 1e-3);
         assert_eq!(
             stage.world().resource::<NearMeshes>().len(),
             usize::from(distance < 16.0),

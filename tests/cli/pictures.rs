@@ -27,8 +27,8 @@ fn a_comparison_writes_pictures_and_a_row_per_distance() {
         return;
     }
     let place = Workplace::new();
-    place.run("compare {tree} --ldi 64 --distances 200,400 --out out --json c.json").succeeds();
-    let mut expected: Vec<String> = ["200.0", "400.0"]
+    place.run("compare {tree} --ldi 64 --distances 400,800 --out out --json c.json").succeeds();
+    let mut expected: Vec<String> = ["400.0", "800.0"]
         .iter()
         .flat_map(|d| {
             ["reference", "mesh", "points", "mesh_error", "points_error"]
@@ -48,7 +48,7 @@ fn a_comparison_writes_pictures_and_a_row_per_distance() {
         rows[row][key].as_f64().unwrap_or_else(|| panic!("row {row} lacks {key}: {report}"))
     };
     assert_eq!(rows.len(), 2);
-    assert_eq!((of(0, "distance"), of(1, "distance")), (200.0, 400.0));
+    assert_eq!((of(0, "distance"), of(1, "distance")), (400.0, 800.0));
     for row in 0..2 {
         for key in [
             "flip_mean",

@@ -224,7 +224,7 @@ impl Grid {
 mod tests {
     use super::*;
     use crate::bake::{
-        source::{SourceMaterial, SourceModel},
+        source::{SourceAlpha, SourceMaterial, SourceModel},
         test_models::{self, quad},
     };
 

@@ -4,7 +4,8 @@ use super::{FlyArgs, camera::FlyCamera, world};
 use crate::{
     flip::{CropRect, flip},
     headless::{
-        capture, cpu_seconds, headless_app_with, peak_memory_mib, render_target, step, target,
+        FILM_FPS, capture, cpu_seconds, headless_app_with, peak_memory_mib, render_target, step,
+        target,
     },
     movie::write_movie,
     options::{ToolError, ToolResult, write_file, write_png},
@@ -31,8 +32,6 @@ use std::{
 const WARM_UP: u32 = 6;
 /// Pictures of the contact sheet at most.
 const SHEET_CELLS: u32 = 12;
-/// Frames a second of the film.
-const FILM_FPS: u32 = 24;
 
 #[derive(Serialize)]
 struct FrameStats {
