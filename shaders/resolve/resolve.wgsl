@@ -108,6 +108,10 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
         pbr.N = select(-normal, normal, keeps || dot(face, pbr.V) >= 0.0);
         pbr.world_normal = pbr.N;
         pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
+        if keeps {
+            // Waxy, but never as smooth as a plane: as `standard_material` in src/bake/near.rs.
+            pbr.material.reflectance = vec3(0.25);
+        }
         pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);
         color = pbr_functions::apply_pbr_lighting(pbr);
     }

@@ -114,6 +114,8 @@ fn standard_material(material: &SourceMaterial) -> StandardMaterial {
         base_color: LinearRgba::new(c.x, c.y, c.z, c.w).into(),
         perceptual_roughness: material.perceptual_roughness,
         metallic: material.metallic,
+        // Leaves that are bent as one would else shine as one; the same number is in shaders/resolve/resolve.wgsl.
+        reflectance: if material.keeps_normals { 0.25 } else { 0.5 },
         // What Bevy calls so turns the normals of back faces.
         double_sided: material.double_sided && !material.keeps_normals,
         cull_mode: (!material.double_sided).then_some(Face::Back),

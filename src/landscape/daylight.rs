@@ -102,7 +102,7 @@ impl Daylight {
             light_color,
             illuminance,
             ambient_color,
-            ambient_brightness: 690.0 * brightest.powf(0.85) + 26.0 * night,
+            ambient_brightness: 880.0 * brightest.powf(0.85) + 26.0 * night,
             zenith,
             horizon,
             glow,

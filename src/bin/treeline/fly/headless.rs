@@ -32,6 +32,8 @@ use std::{
 const WARM_UP: u32 = 6;
 /// Pictures of the contact sheet at most.
 const SHEET_CELLS: u32 = 12;
+/// A step that streamed for longer than this is not measured, milliseconds.
+const STREAMED_MS: f32 = 8.0;
 
 #[derive(Serialize)]
 struct FrameStats {
@@ -62,8 +64,8 @@ struct FrameStats {
     cover: usize,
     chunks: usize,
     ground_triangles: usize,
-    trees_main_thread_ms: f32,
-    ground_main_thread_ms: f32,
+    /// Waited for ground and trees to be made, before the frame was drawn.
+    streaming_ms: f32,
     select_gpu_ms: Option<f64>,
     splat_gpu_ms: Option<f64>,
     classify_gpu_ms: Option<f64>,
@@ -121,11 +123,16 @@ pub fn run(args: &FlyArgs) -> ToolResult {
             break;
         }
         go(&mut app, at(frame));
-        let (cpu, wall) = (cpu_seconds(), Instant::now());
-        step(&mut app);
-        let (cpu, wall) = (cpu_seconds() - cpu, wall.elapsed().as_secs_f64());
+        let mut timed = timed_step(&mut app);
+        let streaming_ms = streaming_ms(&app);
+        if streaming_ms > STREAMED_MS {
+            // This step waited for ground and trees, which a window makes in the background: the frame is drawn again.
+            timed = timed_step(&mut app);
+        }
+        let (cpu, wall) = timed;
         let picture = capture(&app, &image)?;
         let mut row = stats(&app, camera, frame, at(frame));
+        row.streaming_ms = streaming_ms;
         row.time_s = first_frame.elapsed().as_secs_f64();
         (row.wall_ms, row.cpu_ms) = (wall * 1e3, cpu * 1e3);
         if args.flip {
@@ -157,6 +164,20 @@ pub fn run(args: &FlyArgs) -> ToolResult {
     });
     println!("frames, sheet.png, stats.csv{film} in {}", args.out.display());
     Ok(())
+}
+
+/// CPU and wall seconds of a step.
+fn timed_step(app: &mut App) -> (f64, f64) {
+    let (cpu, wall) = (cpu_seconds(), Instant::now());
+    step(app);
+    (cpu_seconds() - cpu, wall.elapsed().as_secs_f64())
+}
+
+/// What the last step took to make ground and trees.
+fn streaming_ms(app: &App) -> f32 {
+    let planting = app.world().get_resource::<PlantingCounters>();
+    let terrain = app.world().get_resource::<TerrainCounters>();
+    planting.map_or(0.0, |c| c.main_thread_ms) + terrain.map_or(0.0, |c| c.main_thread_ms)
 }
 
 /// Mean FLIP between two frames.
@@ -201,8 +222,7 @@ fn stats(app: &App, camera: Entity, frame: u32, t: f32) -> FrameStats {
         cover: planting.cover,
         chunks: terrain.chunks,
         ground_triangles: terrain.triangles,
-        trees_main_thread_ms: planting.main_thread_ms,
-        ground_main_thread_ms: terrain.main_thread_ms,
+        streaming_ms: 0.0,
         select_gpu_ms: span(app, "select"),
         splat_gpu_ms: span(app, "splat"),
         classify_gpu_ms: span(app, "classify"),
