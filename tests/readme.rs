@@ -68,3 +68,21 @@ fn the_version_table_has_this_version() {
     let line = README.lines().find(|line| line.ends_with(&format!("| {version} |")));
     assert!(line.is_some_and(|line| line.starts_with("| 0.19 ")), "no row for {version}");
 }
+
+/// The keys of `fly`, as its source lists them for the panel and the terminal.
+fn keys_of_fly() -> Vec<(&'static str, &'static str)> {
+    let source = include_str!("../src/bin/treeline/fly/window.rs");
+    let list = source.split("pub const KEYS").nth(1).and_then(|rest| rest.split("];").next());
+    let list = list.expect("window.rs has KEYS");
+    let texts: Vec<&str> = list.split('"').skip(1).step_by(2).collect();
+    texts.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect()
+}
+
+#[test]
+fn every_key_of_the_flight_is_in_the_readme() {
+    let keys = keys_of_fly();
+    assert!(keys.len() > 10, "{keys:?}");
+    let rows: Vec<String> = keys.iter().map(|(key, does)| format!("| {key} | {does} |")).collect();
+    let missing: Vec<_> = rows.iter().filter(|row| !README.contains(row.as_str())).collect();
+    assert!(missing.is_empty(), "README.md, keys of fly: {missing:?}");
+}

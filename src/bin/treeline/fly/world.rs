@@ -117,6 +117,7 @@ pub fn prepare(args: &FlyArgs) -> ToolResult<Plan> {
             amount,
             season: args.season,
             max_bytes: u64::from(args.memory) << 20,
+            cover_per_m2: 2.4,
             ..default()
         };
         let species = members.iter().map(|member| member.scatter.clone()).collect();
