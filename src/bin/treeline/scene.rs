@@ -7,8 +7,8 @@ use bevy::{
 };
 use bevy_treeline::{
     TreeAsset,
-    asset::NearMesh,
-    bake::{Baked, near_mesh_sources},
+    asset::{NearMesh, TreeData},
+    bake::{Baked, near_mesh_sources, source::SourceModel},
 };
 
 /// Colour of the sky at the horizon.
@@ -25,7 +25,12 @@ pub fn add_tree(world: &mut World, baked: &Baked, with_mesh: bool) -> Handle<Tre
 
 /// The model's meshes and materials.
 pub fn add_near_mesh(world: &mut World, baked: &Baked) -> NearMesh {
-    let parts = near_mesh_sources(&baked.model, baked.data.is_shaded()).into_iter().map(|source| {
+    near_mesh(world, &baked.model, &baked.data)
+}
+
+/// Meshes and materials of the model that `data` was baked from.
+pub fn near_mesh(world: &mut World, model: &SourceModel, data: &TreeData) -> NearMesh {
+    let parts = near_mesh_sources(model, data.is_shaded()).into_iter().map(|source| {
         let mut material = source.material;
         material.base_color_texture =
             source.texture.map(|texture| world.resource_mut::<Assets<Image>>().add(texture));

@@ -89,7 +89,7 @@ pub fn run(args: &FlyArgs) -> ToolResult {
     let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
 
     let start = Instant::now();
-    let plan = world::prepare(args)?;
+    let plan = world::prepare(args, false)?;
     let mut app = headless_app_with(args.splat_path.into(), |app| {
         world::build(app, args, plan, true);
         Ok(())

@@ -5,6 +5,7 @@ mod graph;
 pub mod headless;
 mod panel;
 mod roster;
+mod shipped;
 mod window;
 mod world;
 

@@ -1,30 +1,57 @@
 //! What grows: species (or models of the user's), baked, as assets.
 
-use super::FlyArgs;
+use super::{FlyArgs, shipped::shipped};
 use crate::{
     options::{ToolResult, bake_with_progress, with_progress},
     scene,
 };
 use bevy::prelude::*;
 use bevy_treeline::{
-    BakeSettings,
-    bake::{BakeContext, Baked, bake_species},
+    BakeSettings, TreeAsset,
+    asset::{NearMesh, TreeData},
+    bake::{BakeContext, Baked, bake_species, source::SourceModel},
     landscape::{PlantingSpecies, ScatterSpecies},
     species::{Species, SpeciesKind, preset, species_names},
 };
+use std::sync::{
+    Arc,
+    mpsc::{Receiver, channel},
+};
 
-/// A plant of the roster: several individuals of one species.
+/// A baked plant.
+#[derive(Clone)]
+struct Plant {
+    data: Arc<TreeData>,
+    /// Its triangles, for near; a plant that stands in for another has none.
+    model: Option<Arc<SourceModel>>,
+}
+
+impl From<Baked> for Plant {
+    fn from(baked: Baked) -> Self {
+        Self { data: baked.data, model: Some(baked.model) }
+    }
+}
+
+/// A species of the roster: several plants.
 pub struct Member {
     /// As scattering knows it.
     pub scatter: ScatterSpecies,
     /// In summer, one per seed.
-    summer: Vec<Baked>,
+    summer: Vec<Plant>,
     /// In autumn; empty for evergreens, and where the season needs none.
-    autumn: Vec<Baked>,
+    autumn: Vec<Plant>,
     /// Metres per unit of the model.
     unit_scale: f32,
     /// Near the camera it is a mesh; ground cover stays points, there is too much of it.
-    has_mesh: bool,
+    pub has_mesh: bool,
+}
+
+/// A plant that was baked in the background, and whose place it takes.
+pub struct Ready {
+    member: usize,
+    autumn: bool,
+    variant: usize,
+    plant: Plant,
 }
 
 /// Sides of an LDI pixel aimed at, metres: `d0` is then about 26 m at 720p.
@@ -38,21 +65,67 @@ fn ldi_size(settings: &BakeSettings, height_m: f32, pixel_m: f32) -> u32 {
     settings.ldi_size.min((wanted / 64.0).round() as u32 * 64)
 }
 
-/// Bakes what grows, or takes it from the cache; with progress bars.
-pub fn bake(args: &FlyArgs) -> ToolResult<Vec<Member>> {
-    let (settings, context) = (args.bake.settings(), args.bake.context()?);
-    if !args.models.is_empty() {
-        let members = args.models.iter().map(|path| model(args, path, &settings, &context));
-        return members.collect();
-    }
+fn chosen(args: &FlyArgs) -> ToolResult<Vec<Species>> {
     let names: Vec<String> = if args.species.is_empty() {
         species_names().iter().map(|&name| name.to_owned()).collect()
     } else {
         args.species.clone()
     };
-    let species = names.iter().map(|name| Ok(preset(name.trim())?));
-    let species: Vec<Species> = species.collect::<ToolResult<_>>()?;
+    names.iter().map(|name| Ok(preset(name.trim())?)).collect()
+}
+
+/// Bakes what grows, or takes it from the cache; with progress bars. `at_once`: species are shown by the small plants that
+/// ship with the program, until [`bake_in_background`] has the others.
+pub fn bake(args: &FlyArgs, at_once: bool) -> ToolResult<Vec<Member>> {
+    if !args.models.is_empty() {
+        let (settings, context) = (args.bake.settings(), args.bake.context()?);
+        let members = args.models.iter().map(|path| model(args, path, &settings, &context));
+        return members.collect();
+    }
+    let species = chosen(args)?;
+    if at_once {
+        let members: Option<Vec<Member>> =
+            species.iter().map(|species| small(args, species)).collect();
+        if let Some(members) = members {
+            return Ok(members);
+        }
+    }
+    let (settings, context) = (args.bake.settings(), args.bake.context()?);
     species.iter().map(|species| grown(args, species, &settings, &context)).collect()
+}
+
+fn variants(args: &FlyArgs, species: &Species) -> u32 {
+    if species.kind == SpeciesKind::Tree { args.variants } else { 1 }
+}
+
+fn has_autumn(args: &FlyArgs, species: &Species) -> bool {
+    species.deciduous && args.season > 0.0
+}
+
+fn settings_for(species: &Species, settings: &BakeSettings) -> BakeSettings {
+    let pixel_m =
+        if species.kind == SpeciesKind::GroundCover { COVER_PIXEL_M } else { TREE_PIXEL_M };
+    BakeSettings { ldi_size: ldi_size(settings, species.height_m(), pixel_m), ..settings.clone() }
+}
+
+fn member(args: &FlyArgs, species: &Species, summer: Vec<Plant>, autumn: Vec<Plant>) -> Member {
+    debug_assert_eq!(summer.len(), variants(args, species) as usize);
+    let (height_m, crown_radius_m) = size_of(&summer[0], 1.0);
+    Member {
+        scatter: ScatterSpecies::new(&species.name, height_m, crown_radius_m),
+        summer,
+        autumn,
+        unit_scale: 1.0,
+        has_mesh: species.kind != SpeciesKind::GroundCover,
+    }
+}
+
+/// By the small plant that ships.
+fn small(args: &FlyArgs, species: &Species) -> Option<Member> {
+    let plant = Plant { data: Arc::new(shipped(&species.name)?), model: None };
+    let plants = vec![plant; variants(args, species) as usize];
+    let autumn = if has_autumn(args, species) { plants.clone() } else { vec![] };
+    Some(member(args, species, plants, autumn))
 }
 
 fn grown(
@@ -61,32 +134,56 @@ fn grown(
     settings: &BakeSettings,
     context: &BakeContext,
 ) -> ToolResult<Member> {
-    let is_tree = species.kind == SpeciesKind::Tree;
-    let pixel_m = if is_tree { TREE_PIXEL_M } else { COVER_PIXEL_M };
-    let settings = BakeSettings {
-        ldi_size: ldi_size(settings, species.height_m(), pixel_m),
-        ..settings.clone()
-    };
-    let variants = if is_tree { args.variants } else { 1 };
-    let bake = |autumn: f32| -> ToolResult<Vec<Baked>> {
-        (1..=variants)
+    let settings = settings_for(species, settings);
+    let bake = |autumn: f32| -> ToolResult<Vec<Plant>> {
+        (1..=variants(args, species))
             .map(|seed| {
-                with_progress(&format!("{} {seed}", species.name), |progress| {
+                let baked = with_progress(&format!("{} {seed}", species.name), |progress| {
                     bake_species(species, seed.into(), autumn, &settings, context, progress)
-                })
+                })?;
+                Ok(baked.into())
             })
             .collect()
     };
     let summer = bake(0.0)?;
-    let autumn = if species.deciduous && args.season > 0.0 { bake(1.0)? } else { vec![] };
-    let (height_m, crown_radius_m) = size_of(&summer, 1.0);
-    Ok(Member {
-        scatter: ScatterSpecies::new(&species.name, height_m, crown_radius_m),
-        summer,
-        autumn,
-        unit_scale: 1.0,
-        has_mesh: species.kind != SpeciesKind::GroundCover,
-    })
+    let autumn = if has_autumn(args, species) { bake(1.0)? } else { vec![] };
+    Ok(member(args, species, summer, autumn))
+}
+
+/// Bakes every plant in a thread of its own, in the order of the roster. `None` where nothing is left to do.
+pub fn bake_in_background(args: &FlyArgs) -> ToolResult<Option<Receiver<Ready>>> {
+    if !args.models.is_empty() || args.no_forest {
+        return Ok(None);
+    }
+    let (species, settings, context) = (chosen(args)?, args.bake.settings(), args.bake.context()?);
+    let (send, receive) = channel();
+    let args = args.clone();
+    std::thread::spawn(move || {
+        // All species once before any twice.
+        for variant in 0..args.variants as usize {
+            for (member, species) in species.iter().enumerate() {
+                let settings = settings_for(species, &settings);
+                let seasons: &[bool] =
+                    if has_autumn(&args, species) { &[false, true] } else { &[false] };
+                if variant >= variants(&args, species) as usize {
+                    continue;
+                }
+                for &autumn in seasons {
+                    let (seed, turned) = (variant as u64 + 1, if autumn { 1.0 } else { 0.0 });
+                    match bake_species(species, seed, turned, &settings, &context, &|_, _| ()) {
+                        Ok(baked) => {
+                            let ready = Ready { member, autumn, variant, plant: baked.into() };
+                            if send.send(ready).is_err() {
+                                return; // The window is closed.
+                            }
+                        }
+                        Err(error) => error!("{} stays coarse: {error}", species.name),
+                    }
+                }
+            }
+        }
+    });
+    Ok(Some(receive))
 }
 
 fn model(
@@ -98,8 +195,8 @@ fn model(
     let baked = bake_with_progress(path, settings, context)?;
     let height = baked.data.bounds.extent().y;
     let unit_scale = if args.height > 0.0 && height > 0.0 { args.height / height } else { 1.0 };
-    let summer = vec![baked];
-    let (height_m, crown_radius_m) = size_of(&summer, unit_scale);
+    let summer = vec![Plant::from(baked)];
+    let (height_m, crown_radius_m) = size_of(&summer[0], unit_scale);
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(Member {
         scatter: ScatterSpecies::new(&name, height_m, crown_radius_m),
@@ -110,19 +207,29 @@ fn model(
     })
 }
 
-/// Height and crown radius in metres of the largest.
-fn size_of(baked: &[Baked], unit_scale: f32) -> (f32, f32) {
-    let sizes = baked.iter().map(|b| {
-        let extent = b.data.bounds.extent() * unit_scale;
-        (extent.y, 0.25 * (extent.x + extent.z))
+/// Height and crown radius in metres.
+fn size_of(plant: &Plant, unit_scale: f32) -> (f32, f32) {
+    let extent = plant.data.bounds.extent() * unit_scale;
+    (extent.y.max(0.1), (0.25 * (extent.x + extent.z)).max(0.05))
+}
+
+fn asset(world: &mut World, plant: &Plant, has_mesh: bool) -> TreeAsset {
+    let model = plant.model.as_ref().filter(|_| has_mesh);
+    let near_mesh = model.map(|model| {
+        let mesh = scene::near_mesh(world, model, &plant.data);
+        world.resource_mut::<Assets<NearMesh>>().add(mesh)
     });
-    sizes.fold((0.1, 0.05), |a, b| (a.0.max(b.0), a.1.max(b.1)))
+    TreeAsset { data: plant.data.clone(), near_mesh }
 }
 
 /// Makes the assets.
 pub fn plant(world: &mut World, members: &[Member]) -> Vec<PlantingSpecies> {
-    let mut add = |baked: &[Baked], with_mesh: bool| {
-        baked.iter().map(|b| scene::add_tree(world, b, with_mesh)).collect::<Vec<_>>()
+    let mut add = |plants: &[Plant], has_mesh: bool| -> Vec<Handle<TreeAsset>> {
+        let assets = plants.iter().map(|plant| {
+            let asset = asset(world, plant, has_mesh);
+            world.resource_mut::<Assets<TreeAsset>>().add(asset)
+        });
+        assets.collect()
     };
     members
         .iter()
@@ -132,4 +239,15 @@ pub fn plant(world: &mut World, members: &[Member]) -> Vec<PlantingSpecies> {
             unit_scale: member.unit_scale,
         })
         .collect()
+}
+
+/// Puts a plant that is ready in the place of the one that stood in for it.
+pub fn replace(world: &mut World, kinds: &[PlantingSpecies], has_mesh: &[bool], ready: &Ready) {
+    let kind = &kinds[ready.member];
+    let handles = if ready.autumn { &kind.autumn } else { &kind.summer };
+    let Some(handle) = handles.get(ready.variant).cloned() else { return };
+    let asset = asset(world, &ready.plant, has_mesh[ready.member]);
+    if let Err(error) = world.resource_mut::<Assets<TreeAsset>>().insert(&handle, asset) {
+        error!("a plant stays coarse: {error}");
+    }
 }

@@ -4,7 +4,7 @@ use super::{
     FlyArgs,
     camera::{FlyCamera, Pilot, steer},
     graph::FrameTimes,
-    panel, world,
+    panel, roster, world,
 };
 use crate::{headless::bevy_plugins, options::ToolResult};
 use bevy::{
@@ -17,7 +17,10 @@ use bevy::{
 };
 use bevy_egui::{EguiPlugin, EguiPrimaryContextPass, input::EguiWantsInput};
 use bevy_treeline::{CacheLocation, TreelineCounters, TreelinePlugin, TreelineSettings};
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::{Mutex, PoisonError, mpsc::Receiver},
+};
 
 /// Every key, for the panel and the terminal; README.md holds the same list (checked by a test).
 pub const KEYS: &[(&str, &str)] = &[
@@ -47,7 +50,7 @@ pub struct Shots {
 pub fn run(args: &FlyArgs) -> ToolResult {
     let keys: Vec<String> = KEYS.iter().map(|(key, does)| format!("{key}: {does}")).collect();
     println!("{}", keys.join(" · "));
-    let plan = world::prepare(args)?;
+    let plan = world::prepare(args, true)?;
     let window = Window { title: "treeline fly".into(), resolution: args.size.into(), ..default() };
     let mut app = App::new();
     app.add_plugins((bevy_plugins(Some(window)), RenderDiagnosticsPlugin, EguiPlugin::default()))
@@ -66,8 +69,28 @@ pub fn run(args: &FlyArgs) -> ToolResult {
         .init_resource::<FrameTimes>()
         .add_systems(Update, (count_frame, keys_pressed, steer, title).chain())
         .add_systems(EguiPrimaryContextPass, panel::show);
+    if let Some(receive) = roster::bake_in_background(args)? {
+        app.insert_resource(Kitchen(Mutex::new(receive))).add_systems(First, serve);
+    }
     app.run();
     Ok(())
+}
+
+/// Plants that are baked while the small ones are shown.
+#[derive(Resource)]
+struct Kitchen(Mutex<Receiver<roster::Ready>>);
+
+/// Takes what is ready, one a frame: its meshes go to the GPU.
+fn serve(world: &mut World) {
+    let ready = {
+        let kitchen = world.resource::<Kitchen>();
+        let receive = kitchen.0.lock().unwrap_or_else(PoisonError::into_inner);
+        receive.try_recv().ok()
+    };
+    let Some(ready) = ready else { return };
+    world.resource_scope(|world, kinds: Mut<world::Kinds>| {
+        roster::replace(world, &kinds.kinds, &kinds.has_mesh, &ready);
+    });
 }
 
 fn count_frame(time: Res<Time<Real>>, mut times: ResMut<FrameTimes>) {

@@ -24,8 +24,8 @@ use bevy_treeline::{
     landscape::{
         BiomeSettings, Biomes, Crown, DemTerrain, FlightPath, FlightSettings, ForestShade, Ground,
         Landscape, NoiseTerrain, PlantedForest, Planting, PlantingPlugin, PlantingSettings,
-        Scatter, ScatterSettings, Sky, SkyKind, SkySupport, Sun, TerrainLod, TerrainPlugin,
-        TerrainSettings, TimeOfDay, TreeAmount,
+        PlantingSpecies, Scatter, ScatterSettings, Sky, SkyKind, SkySupport, Sun, TerrainLod,
+        TerrainPlugin, TerrainSettings, TimeOfDay, TreeAmount,
     },
 };
 use std::{sync::Arc, time::Instant};
@@ -45,6 +45,15 @@ impl Flight {
 /// Names of what grows, for the panel.
 #[derive(Resource)]
 pub struct Roster(pub Vec<String>);
+
+/// Assets of what grows.
+#[derive(Resource)]
+pub struct Kinds {
+    /// As planted.
+    pub kinds: Vec<PlantingSpecies>,
+    /// Species that are meshes near the camera.
+    pub has_mesh: Vec<bool>,
+}
 
 /// Whether Bevy's atmosphere is the sky.
 #[derive(Resource)]
@@ -89,8 +98,8 @@ fn ground(args: &FlyArgs) -> ToolResult<Arc<dyn Ground>> {
     Ok(Arc::new(NoiseTerrain::new(&settings).map_err(message)?))
 }
 
-/// Makes ground, species, forest and flight. Says what takes long.
-pub fn prepare(args: &FlyArgs) -> ToolResult<Plan> {
+/// Makes ground, species, forest and flight. Says what takes long. `at_once`: see [`roster::bake`].
+pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
     let start = Instant::now();
     let ground = ground(args)?;
     let biomes = match args.trees {
@@ -103,7 +112,7 @@ pub fn prepare(args: &FlyArgs) -> ToolResult<Plan> {
     let mut landscape = Landscape::new(ground.clone(), biomes.clone());
     let made = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let members = if args.no_forest { vec![] } else { roster::bake(args)? };
+    let members = if args.no_forest { vec![] } else { roster::bake(args, at_once)? };
     let baked = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let mut scatter = None;
@@ -175,6 +184,10 @@ pub fn build(app: &mut App, args: &FlyArgs, plan: Plan, wait: bool) {
     let world = app.world_mut();
     if let Some(scatter) = plan.scatter {
         let kinds = roster::plant(world, &plan.members);
+        world.insert_resource(Kinds {
+            kinds: kinds.clone(),
+            has_mesh: plan.members.iter().map(|member| member.has_mesh).collect(),
+        });
         let forest = PlantedForest::new(Arc::new(scatter));
         world.insert_resource(Planting::new(forest, &kinds));
     }
