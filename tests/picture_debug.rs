@@ -92,7 +92,7 @@ fn near_meshes_turn_blue_and_back() {
     let ground = StandardMaterial { base_color: Color::WHITE, ..default() };
     stage.cuboid(Vec3::new(3.0, 3.0, 0.1), ground, Vec3::new(-6.0, 12.0, 0.0));
     stage.light(Vec3::new(-0.5, -0.7, -0.5), false);
-    let (camera, image) = stage.view(SIZE, before("spruce", 17.0));
+    let (camera, image) = stage.view(SIZE, before("spruce", 15.0));
     let plain = stage.shoot(&image, 8);
     assert_eq!(stage.counters(camera).as_mesh, 1, "the tree is a mesh");
     stage.world().entity_mut(camera).insert(settings(DebugView::PointsAndTriangles));
@@ -109,7 +109,7 @@ fn near_meshes_turn_blue_and_back() {
 fn the_crossfade_band_is_orange() {
     let Some(mut stage) = Stage::new("the_crossfade_band", SplatPath::Auto) else { return };
     let tree = stage.tree("spruce", true);
-    let trees = [(-4.0, 24.0), (20.0, 58.0)].map(|(x, d)| TreeInstance::at(Vec3::new(x, 0.0, -d)));
+    let trees = [(-3.0, 16.0), (20.0, 58.0)].map(|(x, d)| TreeInstance::at(Vec3::new(x, 0.0, -d)));
     stage.world().spawn(Forest::new([tree]).with(trees));
     stage.light(Vec3::NEG_Y, false);
     let place = Transform::from_xyz(0.0, 8.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);

@@ -27,9 +27,6 @@ use bevy_treeline::{CacheLocation, SplatPath, TreelinePlugin};
 use image::RgbaImage;
 use std::time::Duration;
 
-/// Frames a second of films, and so of the time that passes without a window.
-pub const FILM_FPS: u32 = 24;
-
 /// Bevy's plugins with or without a window.
 pub fn bevy_plugins(window: Option<Window>) -> PluginGroupBuilder {
     let windowed = window.is_some();
@@ -87,9 +84,7 @@ pub fn headless_app_with(
     app.add_plugins(bevy_plugins(None))
         .add_plugins(RenderDiagnosticsPlugin)
         .add_plugins(TreelinePlugin { splat_path, cache: CacheLocation::Off, ..default() });
-    // Water must not look different on a slower machine.
-    let frame_time = Duration::from_secs_f64(1.0 / f64::from(FILM_FPS));
-    app.insert_resource(TimeUpdateStrategy::ManualDuration(frame_time));
+    pass_time(&mut app, Duration::ZERO);
     build(&mut app)?;
     app.finish();
     app.cleanup();
@@ -97,6 +92,12 @@ pub fn headless_app_with(
         eprintln!("drawing with {} ({:?})", info.name, info.backend);
     }
     Ok(app)
+}
+
+/// How much time passes in the world from frame to frame, from now on; at first none. Not that of the clock: water must
+/// not look different on a slower machine.
+pub fn pass_time(app: &mut App, between_frames: Duration) {
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(between_frames));
 }
 
 /// Draws a frame and waits until the GPU is done.

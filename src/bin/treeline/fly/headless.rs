@@ -4,7 +4,7 @@ use super::{FlyArgs, camera::FlyCamera, world};
 use crate::{
     flip::{CropRect, flip},
     headless::{
-        FILM_FPS, capture, cpu_seconds, headless_app_with, peak_memory_mib, render_target, step,
+        capture, cpu_seconds, headless_app_with, pass_time, peak_memory_mib, render_target, step,
         target,
     },
     movie::write_movie,
@@ -25,7 +25,7 @@ use std::{
         Arc,
         atomic::{AtomicBool, Ordering},
     },
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 /// Frames drawn before the first is kept: assets upload and near meshes warm up.
@@ -34,6 +34,8 @@ const WARM_UP: u32 = 6;
 const SHEET_CELLS: u32 = 12;
 /// A step that streamed for longer than this is not measured, milliseconds.
 const STREAMED_MS: f32 = 8.0;
+/// Frames a second of the film.
+const FILM_FPS: u32 = 24;
 
 #[derive(Serialize)]
 struct FrameStats {
@@ -123,7 +125,9 @@ pub fn run(args: &FlyArgs) -> ToolResult {
             break;
         }
         go(&mut app, at(frame));
+        pass_time(&mut app, Duration::from_secs_f64(1.0 / f64::from(FILM_FPS)));
         let mut timed = timed_step(&mut app);
+        pass_time(&mut app, Duration::ZERO);
         let streaming_ms = streaming_ms(&app);
         if streaming_ms > STREAMED_MS {
             // This step waited for ground and trees, which a window makes in the background: the frame is drawn again.
