@@ -66,7 +66,7 @@ fn surfel_ambient_visibility(albedo_b_misc: u32) -> f32 {
 
 // What ambient visibility does to the colour. Twin of asset::light_factor.
 fn surfel_light_factor(ambient_visibility: f32) -> f32 {
-    return min(0.08 + 1.2 * ambient_visibility, 1.0);
+    return min(0.2 + 1.05 * ambient_visibility, 1.0);
 }
 
 // Cold half: colour class for deferred blending.

@@ -72,9 +72,9 @@ pub fn light_factor(ambient_visibility: f32) -> f32 {
 }
 
 /// [`light_factor`] where no light of the sky arrives.
-const LIGHT_FLOOR: f32 = 0.08;
+const LIGHT_FLOOR: f32 = 0.2;
 /// Growth of [`light_factor`] with visibility.
-const LIGHT_GAIN: f32 = 1.2;
+const LIGHT_GAIN: f32 = 1.05;
 
 impl SurfelCold {
     /// Share of the sky that reaches the point, 0 to 255 (255 = open).

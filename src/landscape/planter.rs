@@ -129,21 +129,24 @@ impl Planter {
         } else {
             0.0
         };
+        // What stands below crowns gets less light than its own leaves take.
+        let below = if habitat.kind == PlantKind::Tree { 0.0 } else { 0.5 };
+        let shade = 1.0 - below * smoothstep(0.15, 0.8, spot.forest);
         Some(ScatteredTree {
             position: Vec3::new(x, height - sink, z),
             rotation,
             scale,
             species,
-            tint: self.tint(place, autumn, &mut rng),
+            tint: self.tint(place, autumn, shade, &mut rng),
             autumn,
             seed: (rng.next_u64() >> 56) as u8,
         })
     }
 
     /// A little brighter, yellower or greener than the neighbour, more alike within 85 m.
-    fn tint(&self, place: Vec2, autumn: f32, rng: &mut SplitMix64) -> [u8; 3] {
+    fn tint(&self, place: Vec2, autumn: f32, shade: f32, rng: &mut SplitMix64) -> [u8; 3] {
         let warm = 0.7 * self.hue.at(place.x, place.y) + rng.range(-0.5, 0.5);
-        let light = rng.range(0.86, 1.1);
+        let light = shade * rng.range(0.86, 1.1);
         // Before the leaves have turned they lose their green.
         let turning = (2.0 * autumn).min(1.0);
         let channel = |share: f32| (128.0 * (light * share)).round().clamp(0.0, 255.0) as u8;

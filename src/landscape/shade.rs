@@ -7,6 +7,8 @@ use bevy::math::{Vec2, Vec3};
 const THROUGH: f32 = 0.22;
 /// Sunlight on the floor of a closed forest.
 const FOREST_FLOOR: f32 = 0.16;
+/// Light of the sky there.
+const FOREST_SKY: f32 = 0.5;
 /// Longest shadow in heights of the tree: later ones are too faint to see.
 const LONGEST: f32 = 5.0;
 
@@ -101,7 +103,8 @@ impl ShadeMap {
         let reach = axes[0].max(axes[1]) * 1.15;
         let texel = |v: f32| (v / self.texel_m).clamp(0.0, self.side as f32) as usize;
         let (low, high) = (at - reach - self.corner, at + reach - self.corner);
-        let map = if sun { &mut self.sun } else { &mut self.sky };
+        let (map, least) =
+            if sun { (&mut self.sun, FOREST_FLOOR) } else { (&mut self.sky, FOREST_SKY) };
         for z in texel(low.y)..(texel(high.y) + 1).min(self.side) {
             for x in texel(low.x)..(texel(high.x) + 1).min(self.side) {
                 let place = self.corner + Vec2::new(x as f32, z as f32) * self.texel_m;
@@ -114,7 +117,9 @@ impl ShadeMap {
                 }
                 let uneven = 0.28 * noise(place * 0.9, seed).value;
                 let density = 1.0 - smoothstep(0.45, 1.05, radius.sqrt() + uneven);
-                map[z * self.side + x] *= 1.0 - (1.0 - through) * density;
+                let texel = &mut map[z * self.side + x];
+                // Under many crowns light still comes from between the trunks.
+                *texel = (*texel * (1.0 - (1.0 - through) * density)).max(least);
             }
         }
     }
