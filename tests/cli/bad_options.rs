@@ -6,7 +6,7 @@ use super::Workplace;
 fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
     let place = Workplace::new();
     let size = "WIDTHxHEIGHT";
-    let runs: [(&str, &[&str]); 47] = [
+    let runs: [(&str, &[&str]); 49] = [
         ("bake {tree} --ldi 0", &["--ldi", "0 is not in 1..=16384"]),
         ("bake {tree} --ldi 100000", &["--ldi", "100000 is not in 1..=16384"]),
         ("bake {tree} --ldi -5", &["--ldi", "-5 is not in 1..=16384"]),
@@ -42,6 +42,8 @@ fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
         ("fly --headless --variants 0", &["--variants", "1..=8"]),
         ("fly --headless --memory 1", &["--memory", "64..="]),
         ("fly --headless --side -5", &["--side", "-5", "16km"]),
+        ("fly --headless --seed -1", &["--seed", "-1"]),
+        ("fly --headless --visibility -1", &["--visibility", "-1", "16km"]),
         ("fly --headless --side far", &["--side", "far", "16km"]),
         ("fly --headless --side 999m", &["--side", "1km to 64km"]),
         ("fly --headless --side 65km", &["--side", "1km to 64km"]),

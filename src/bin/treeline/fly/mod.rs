@@ -43,7 +43,7 @@ pub struct FlyArgs {
     #[arg(long, value_delimiter = ',')]
     pub species: Vec<String>,
     /// Seeds per species: how many different trees of each.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8), allow_negative_numbers = true)]
     pub variants: u32,
     /// A model to plant instead of the species; may be repeated.
     #[arg(long = "tree", conflicts_with = "species")]
@@ -52,13 +52,13 @@ pub struct FlyArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub height: f32,
     /// Side of the landscape, 1km to 64km.
-    #[arg(long, default_value = "8km", value_parser = parse_metres)]
+    #[arg(long, default_value = "8km", value_parser = parse_metres, allow_negative_numbers = true)]
     pub side: f32,
     /// A real landscape: a 16-bit grey PNG with a JSON of the same name beside it.
     #[arg(long)]
     pub dem: Option<PathBuf>,
     /// Seed of ground, trees and flight.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Time of day, hours (0 to 24).
     #[arg(long, default_value_t = 10.5, allow_negative_numbers = true)]
@@ -67,7 +67,7 @@ pub struct FlyArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub season: f32,
     /// Distance at which haze leaves 5 % of the contrast.
-    #[arg(long, default_value = "24km", value_parser = parse_metres)]
+    #[arg(long, default_value = "24km", value_parser = parse_metres, allow_negative_numbers = true)]
     pub visibility: f32,
     /// What draws the sky.
     #[arg(long, value_enum, default_value = "auto")]
@@ -94,10 +94,10 @@ pub struct FlyArgs {
     #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance, allow_negative_numbers = true)]
     pub mesh_distance: f32,
     /// Trees are planted up to this distance.
-    #[arg(long, default_value = "9km", value_parser = parse_metres)]
+    #[arg(long, default_value = "9km", value_parser = parse_metres, allow_negative_numbers = true)]
     pub tree_distance: f32,
     /// Memory for trees and chunks, MiB.
-    #[arg(long, default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=262_144))]
+    #[arg(long, default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=262_144), allow_negative_numbers = true)]
     pub memory: u32,
     /// Part of the way around that a headless flight covers (small values: slow motion).
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]

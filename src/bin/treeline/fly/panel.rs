@@ -99,7 +99,7 @@ pub fn show(mut contexts: EguiContexts, mut panel: ResMut<Panel>, all: Everythin
                     ui.collapsing("Budgets", |ui| budgets(ui, &mut all));
                     ui.collapsing("Landscape", |ui| landscape(ui, panel, &mut all));
                     ui.collapsing("Counters", |ui| counters(ui, &all));
-                    ui.collapsing("Keys", |ui| keys(ui));
+                    ui.collapsing("Keys", keys);
                 });
             },
         );
