@@ -93,6 +93,9 @@ pub struct FlyArgs {
     /// Meshes up to this distance at least, metres.
     #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance, allow_negative_numbers = true)]
     pub mesh_distance: f32,
+    /// Trees that are meshes at one time, at most.
+    #[arg(long, default_value_t = bevy_treeline::NearMeshes::default().max_trees)]
+    pub near_meshes: usize,
     /// Trees are planted up to this distance.
     #[arg(long, default_value = "9km", value_parser = parse_metres, allow_negative_numbers = true)]
     pub tree_distance: f32,

@@ -19,7 +19,7 @@ use bevy::{
     prelude::*,
 };
 use bevy_treeline::{
-    TreelineSettings, UploadBudget,
+    NearMeshes, TreelineSettings, UploadBudget,
     gpu::headless::headless_device,
     landscape::{
         BiomeSettings, Biomes, Crown, DemTerrain, FlightPath, FlightSettings, ForestShade, Ground,
@@ -182,6 +182,7 @@ pub fn build(app: &mut App, args: &FlyArgs, plan: Plan, wait: bool) {
         .insert_resource(Flight(plan.flight))
         .insert_resource(Roster(plan.members.iter().map(|m| m.scatter.name.clone()).collect()));
     let world = app.world_mut();
+    world.resource_mut::<NearMeshes>().max_trees = args.near_meshes;
     if let Some(scatter) = plan.scatter {
         let kinds = roster::plant(world, &plan.members);
         world.insert_resource(Kinds {
