@@ -1,6 +1,6 @@
 //! Parameters of a plant. Lengths in metres, angles in degrees, colours linear red, green and blue from 0 to 1.
 //!
-//! The doc comment of a field gives its meaning; its range stands once, in [`ranges`](super::ranges).
+//! The doc comment of a field gives its meaning; its range stands once, in `species/ranges.rs`.
 
 use serde::Deserialize;
 

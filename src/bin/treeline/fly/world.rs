@@ -102,6 +102,8 @@ fn ground(args: &FlyArgs) -> ToolResult<Arc<dyn Ground>> {
 pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
     let start = Instant::now();
     let ground = ground(args)?;
+    // Before the bakes: without an adapter they would take minutes in vain.
+    let atmosphere = atmosphere(args)?;
     let biomes = match args.trees {
         // Few trees still make closed forests, of which there are fewer.
         Some(total) => BiomeSettings::default().for_trees(total, ground.side_m()),
@@ -154,7 +156,7 @@ pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
         flight.length_m() / 1000.0,
         start.elapsed().as_secs_f64()
     );
-    Ok(Plan { landscape, scatter, members, flight, atmosphere: atmosphere(args)? })
+    Ok(Plan { landscape, scatter, members, flight, atmosphere })
 }
 
 /// Puts it all into an app. `wait`: every frame has all that it needs, however long that takes.
