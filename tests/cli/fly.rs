@@ -77,7 +77,7 @@ fn a_headless_flight_writes_frames_a_sheet_a_film_a_summary_and_a_row_of_statist
         value.as_f64().unwrap_or_else(|| panic!("no number {path}: {summary}"))
     };
     assert_eq!(number("frames"), 2.0);
-    assert_eq!(number("instances"), most("trees"));
+    assert!((number("instances") - 1000.0).abs() <= 30.0, "what --trees asked for: {summary}");
     assert_eq!(number("points.max"), most("points"));
     assert!(number("points.median") <= number("points.max"));
     assert!(number("frame_ms.median") <= number("frame_ms.p95"));

@@ -15,7 +15,7 @@ use crate::{
 use bevy::{diagnostic::DiagnosticsStore, prelude::*, render::renderer::RenderAdapterInfo};
 use bevy_treeline::{
     NearMeshes, TreelineCounters,
-    landscape::{PlantingCounters, TerrainCounters},
+    landscape::{Planting, PlantingCounters, TerrainCounters},
 };
 use image::RgbaImage;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -274,11 +274,14 @@ fn report(app: &App, args: &FlyArgs, rows: &[FrameStats], startup_s: f64) -> Too
     }
     let Some(path) = &args.json else { return Ok(()) };
     let adapter = app.world().get_resource::<RenderAdapterInfo>();
+    let planting = app.world().get_resource::<Planting>();
+    let planted = planting.map_or(0.0, |p| p.forest().scatter().expected_trees()).round() as u64;
     write_summary(
         path,
         &Summary {
             frames: rows.len() as u32,
-            instances: trees.worst as u64,
+            // Of the whole landscape; without a forest none.
+            instances: planted,
             startup_s,
             frame_ms: wall,
             cpu_s_per_frame: cpu.median / 1e3,

@@ -39,7 +39,7 @@ pub struct FlyArgs {
     /// Trees per hectare of closed forest instead of a total.
     #[arg(long, conflicts_with = "trees", allow_negative_numbers = true)]
     pub density: Option<f32>,
-    /// Species that grow, by name and comma (default: all; `--species list` names them).
+    /// Species that grow, by name or species file (.ron), with commas (default: all; `--species list` names them).
     #[arg(long, value_delimiter = ',')]
     pub species: Vec<String>,
     /// Seeds per species: how many different trees of each.
@@ -165,6 +165,8 @@ pub fn run(args: &FlyArgs) -> ToolResult {
     if windowed {
         return window::run(args);
     }
+    // What is misspelt leaves no empty folder.
+    roster::chosen(args)?;
     crate::options::make_folder(&args.out)?;
     if !args.headless {
         println!("there is no display, so frames are written (the same as --headless)");

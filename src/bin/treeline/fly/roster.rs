@@ -13,9 +13,12 @@ use bevy_treeline::{
     landscape::{PlantingSpecies, ScatterSpecies},
     species::{Species, SpeciesKind, preset, species_names},
 };
-use std::sync::{
-    Arc,
-    mpsc::{Receiver, channel},
+use std::{
+    path::Path,
+    sync::{
+        Arc,
+        mpsc::{Receiver, channel},
+    },
 };
 
 /// A baked plant.
@@ -65,13 +68,18 @@ fn ldi_size(settings: &BakeSettings, height_m: f32, pixel_m: f32) -> u32 {
     settings.ldi_size.min((wanted / 64.0).round() as u32 * 64)
 }
 
-fn chosen(args: &FlyArgs) -> ToolResult<Vec<Species>> {
+/// The species asked for, by name or as species files.
+pub fn chosen(args: &FlyArgs) -> ToolResult<Vec<Species>> {
     let names: Vec<String> = if args.species.is_empty() {
         species_names().iter().map(|&name| name.to_owned()).collect()
     } else {
         args.species.clone()
     };
-    names.iter().map(|name| Ok(preset(name.trim())?)).collect()
+    let species = names.iter().map(|name| name.trim()).map(|name| {
+        let is_file = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("ron"));
+        Ok(if is_file { Species::from_file(name)? } else { preset(name)? })
+    });
+    species.collect()
 }
 
 /// Bakes what grows, or takes it from the cache; with progress bars. `at_once`: species are shown by the small plants that

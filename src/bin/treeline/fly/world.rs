@@ -24,8 +24,8 @@ use bevy_treeline::{
     landscape::{
         BiomeSettings, Biomes, Crown, DemTerrain, FlightPath, FlightSettings, ForestShade, Ground,
         Landscape, NoiseTerrain, PlantedForest, Planting, PlantingPlugin, PlantingSettings,
-        PlantingSpecies, Scatter, ScatterSettings, Sky, SkyKind, SkySupport, Sun, TerrainLod,
-        TerrainPlugin, TerrainSettings, TimeOfDay, TreeAmount,
+        PlantingSpecies, Scatter, ScatterError, ScatterSettings, Sky, SkyKind, SkySupport, Sun,
+        TerrainLod, TerrainPlugin, TerrainSettings, TimeOfDay, TreeAmount,
     },
 };
 use std::{sync::Arc, time::Instant};
@@ -133,7 +133,10 @@ pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
         };
         let species = members.iter().map(|member| member.scatter.clone()).collect();
         let made = Scatter::new(ground.clone(), biomes.clone(), species, settings);
-        let made = made.map_err(message)?;
+        let made = made.map_err(|error| match error {
+            ScatterError::Memory { .. } => message(format!("{error} (--memory sets the bound)")),
+            error => message(error),
+        })?;
         landscape.shade = Some(Arc::new(ForestShade::new(made.clone())));
         scatter = Some(made);
     }
