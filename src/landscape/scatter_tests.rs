@@ -84,7 +84,7 @@ proptest! {
             prop_assert!(x.abs() <= side / 2.0 && z.abs() <= side / 2.0);
             let [young, old] = habitat.scale;
             prop_assert!(tree.scale > 0.1 * young && tree.scale <= old, "scale {}", tree.scale);
-            prop_assert!(tree.rotation.is_normalized() && tree.tint.iter().all(|t| (70..200).contains(t)));
+            prop_assert!(tree.rotation.is_normalized() && tree.tint.iter().all(|t| (40..200).contains(t)));
             let lean = (tree.rotation * Vec3::Y).y.min(1.0).acos();
             prop_assert!(lean < if habitat.kind == PlantKind::Cover { 0.6 } else { 0.12 }, "leans {lean}");
         }
