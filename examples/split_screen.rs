@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --features app --example split_screen`
 
-use bevy::{camera::Viewport, prelude::*, window::WindowResized};
+use bevy::{camera::Viewport, prelude::*, window::PrimaryWindow};
 use bevy_treeline::{
     Forest, TreeInstance, TreelinePlugin, TreelineSettings, math::hash::unit_from_bits,
 };
@@ -57,25 +57,21 @@ fn setup(
     }
 }
 
-/// Each camera gets its half whenever the window changes.
-fn split(
-    mut resized: MessageReader<WindowResized>,
-    windows: Query<&Window>,
-    mut cameras: Query<(&mut Camera, &Player)>,
-) {
-    for event in resized.read() {
-        let Ok(window) = windows.get(event.window) else { continue };
-        let size = window.physical_size();
-        if size.x < 2 || size.y == 0 {
-            continue;
-        }
-        let half = UVec2::new(size.x / 2, size.y);
-        for (mut camera, player) in &mut cameras {
-            camera.viewport = Some(Viewport {
-                physical_position: UVec2::new(player.0 * half.x, 0),
-                physical_size: half,
-                ..default()
-            });
+/// Each camera has its half of the window, whatever its size.
+fn split(window: Single<&Window, With<PrimaryWindow>>, mut cameras: Query<(&mut Camera, &Player)>) {
+    let half = UVec2::new(window.physical_width() / 2, window.physical_height());
+    if half.x == 0 || half.y == 0 {
+        return; // Minimised.
+    }
+    for (mut camera, player) in &mut cameras {
+        let physical_position = UVec2::new(player.0 * half.x, 0);
+        let viewport = Viewport { physical_position, physical_size: half, ..default() };
+        let same = camera
+            .viewport
+            .as_ref()
+            .is_some_and(|v| v.physical_position == physical_position && v.physical_size == half);
+        if !same {
+            camera.viewport = Some(viewport);
         }
     }
 }
@@ -87,6 +83,6 @@ fn walk(time: Res<Time>, mut cameras: Query<(&mut Transform, &Player)>) {
         let angle = time.elapsed_secs() * 0.02 * (1.0 + high);
         let at = |angle: f32| Vec3::new(angle.cos(), 0.0, angle.sin()) * 500.0;
         *camera = Transform::from_translation(at(angle) + Vec3::Y * (2.5 + 60.0 * high))
-            .looking_at(at(angle + 0.1) + Vec3::Y * 3.0, Vec3::Y);
+            .looking_at(at(angle + 0.3) + Vec3::Y * 3.0, Vec3::Y);
     }
 }
