@@ -98,6 +98,16 @@ fn ground(args: &FlyArgs) -> ToolResult<Arc<dyn Ground>> {
     Ok(Arc::new(NoiseTerrain::new(&settings).map_err(message)?))
 }
 
+/// Bytes that a tree takes: 32 in the main world, 32 on the GPU.
+const TREE_BYTES: usize = 64;
+
+/// What the trees of the whole ground may take, so that those within `tree_distance_m` of the camera take the memory asked
+/// for: the others are made when they come near.
+fn tree_bytes(memory_mib: u32, tree_distance_m: f32, side_m: f32) -> u64 {
+    let share = (2.0 * tree_distance_m / side_m).min(1.0).powi(2);
+    ((u64::from(memory_mib) << 20) as f64 / f64::from(share)) as u64
+}
+
 /// Makes ground, species, forest and flight. Says what takes long. `at_once`: see [`roster::bake`].
 pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
     let start = Instant::now();
@@ -127,7 +137,7 @@ pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
             seed: args.seed,
             amount,
             season: args.season,
-            max_bytes: u64::from(args.memory) << 20,
+            max_bytes: tree_bytes(args.memory, args.tree_distance, ground.side_m()),
             cover_per_m2: 2.4,
             ..default()
         };
@@ -172,6 +182,7 @@ pub fn build(app: &mut App, args: &FlyArgs, plan: Plan, wait: bool) {
             ..default()
         })
         .insert_resource(PlantingSettings {
+            max_trees: (args.memory as usize * (1 << 20)) / TREE_BYTES,
             tree_distance_m: args.tree_distance,
             wait,
             ..default()
@@ -245,4 +256,16 @@ pub fn camera(world: &mut World, args: &FlyArgs) -> Entity {
         world.entity_mut(camera).insert(DistanceFog::default());
     }
     camera
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_bounds_the_trees_within_reach_not_those_of_the_world() {
+        assert_eq!(tree_bytes(64, 9_000.0, 16_000.0), 64 << 20);
+        // A quarter of the side either way: a quarter of the ground.
+        assert_eq!(tree_bytes(64, 4_000.0, 16_000.0), 4 * (64 << 20));
+    }
 }
