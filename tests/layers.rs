@@ -47,7 +47,7 @@ const LAYERS: &[Layer] = &[
     // L1
     Layer { at: "gpu", may_name: &["math"], may_not: &[] },
     Layer { at: "gpu/mirror", may_name: &[], may_not: ENGINE },
-    Layer { at: "asset", may_name: &["math", "gpu::mirror"], may_not: RENDERER },
+    Layer { at: "asset", may_name: &["math", "lod", "gpu::mirror"], may_not: RENDERER },
     Layer { at: "species", may_name: &["math"], may_not: ENGINE },
     Layer { at: "shaders", may_name: &[], may_not: RENDERER },
     // L2

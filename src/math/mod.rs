@@ -4,6 +4,7 @@
 pub mod bounding;
 pub mod hash;
 pub mod image_error;
+pub mod occlusion;
 pub mod octahedral;
 pub mod point_grid;
 pub mod quantize;
