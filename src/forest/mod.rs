@@ -2,11 +2,12 @@
 //!
 //! In: [`TreeImpostor`] and [`Forest`] entities, [`TreelineSettings`] of cameras. Out: [`LodState`] of single trees, and the
 //! pool of meshes near the cameras ([`NearMeshes`]). `select` is the CPU twin of what the GPU decides for every tree
-//! ([`select_instance`], [`emit_items`]). Cost: trees near a camera, not all trees.
+//! ([`select_instance`], [`emit_items`]), `grove` the list that a block of far trees becomes ([`grove_list`]). Cost: trees near a camera, not all trees.
 
 mod components;
 mod debug_view;
 mod forest_index;
+mod grove;
 mod instance;
 mod lod_state;
 mod near_mesh;
@@ -14,6 +15,7 @@ mod select;
 mod settings;
 
 pub use components::{Forest, LodState, TreeImpostor};
+pub use grove::{GroveList, MOST_SAMPLES, OCTAVES, SAMPLES_PER_TREE, grove_list, view_scale};
 pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
