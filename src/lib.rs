@@ -20,8 +20,8 @@ pub use asset::{CacheLocation, TreeAsset};
 pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
-    CullingView, DebugView, Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor,
-    TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
+    CullingView, DebugView, Forest, LodState, NearMeshes, Occlusion, SplatPath, SplatShape,
+    TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
 };
 pub use plugin::TreelinePlugin;
 pub use render::{TreelineCounters, ViewCounters};

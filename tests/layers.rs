@@ -88,6 +88,7 @@ const STAGES: &[(&str, &[&str])] = &[(
         "view",
         "select",
         "splat",
+        "pyramid",
         "resolve",
         "shadow",
         "silhouette",

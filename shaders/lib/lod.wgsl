@@ -75,15 +75,17 @@ fn overlap(leaf_overlap: f32, thickness: u32, is_one_sided: bool, half_inverse_s
     return leaf + (CLOSED_OVERLAP - leaf) * closed;
 }
 
-// Clusters. CPU twin: src/lod/clusters.rs.
+// Clusters. CPU twin: src/lod/clusters.rs, where the constants are explained.
+const LEVEL_POINTS: vec2<u32> = vec2<u32>(256u, 2048u);
+const LIST_POINTS: vec2<u32> = vec2<u32>(2048u, 16384u);
 
 // The level that a draw of `count` points is taken from.
 fn level_of(count: u32, level_count: u32) -> u32 {
     var level = 0u;
-    if count > #{LEVEL_ZERO_POINTS}u {
+    if count > LEVEL_POINTS.x {
         level = 1u;
     }
-    if count > #{LEVEL_ONE_POINTS}u {
+    if count > LEVEL_POINTS.y {
         level = 2u;
     }
     return min(level, level_count - 1u);
@@ -102,7 +104,7 @@ fn list_points(level: u32, level_count: u32, n0: u32) -> u32 {
     if level + 1u == level_count {
         return n0;
     }
-    return min(n0, select(#{LIST_ONE_POINTS}u, #{LIST_ZERO_POINTS}u, level == 0u));
+    return min(n0, select(LIST_POINTS.y, LIST_POINTS.x, level == 0u));
 }
 
 // Points that a draw of `count` takes from a cluster of `size`, of `all` in its level.

@@ -50,8 +50,10 @@ struct InstanceBlock {
     fade_begin: f32,
     fade_end: f32,
     first_sample: u32,
-    most_k: f32,
-    marks: array<u32, 8>,
+    complete_below: f32,
+    top: f32,
+    pad: array<u32, 3>,
+    marks: array<u32, 16>,
 }
 
 struct ViewBlock {
@@ -129,7 +131,6 @@ struct Counters {
     groves: atomic<u32>,
     phase_items: atomic<u32>,
     phase_runs: atomic<u32>,
-    clusters_occluded: atomic<u32>,
     second_points: atomic<u32>,
 }
 

@@ -2,15 +2,27 @@
 //
 // One thread per block of the view. In: blocks, view, pyramids. Out: `state`, and the runs and items of groves.
 // O(blocks in sight).
-#import bevy_treeline::culling::{edges_of, is_hidden_now, k_of, outside_frustum, was_hidden}
+#import bevy_treeline::culling::{edges_of, is_hidden_now, outside_frustum, view_scale, was_hidden}
 #import bevy_treeline::select_bindings::{GROVE, HAS_HIDDEN, LISTED, WAS_HIDDEN, counters, instance_blocks, item_count, resident_count, settings, view, view_blocks}
 #import bevy_treeline::types::InstanceBlock
 
-// Samples that a view at `k` may draw: those up to the next mark. Marks are half octaves of k apart, the first at most_k.
-fn sample_count(block: InstanceBlock, k: f32) -> u32 {
-    let below = u32(clamp(floor(2.0 * log2(block.most_k / k)), 0.0, 15.0));
-    let pair = block.marks[below / 2u];
-    return select(pair & 0xffffu, pair >> 16u, (below & 1u) == 1u);
+// Length of the prefix that a view at `k` may draw of a grove. Twin of `GroveList::prefix_length`.
+fn prefix_length(block: InstanceBlock, k: f32) -> u32 {
+    let ratio = k / block.top;
+    if !(ratio < 1.0) {
+        return block.marks[0] & 0xffffu;
+    }
+    // Octave and place in it are the exponent and the fraction of an f32.
+    let bits = bitcast<u32>(ratio);
+    let octave = 126u - min(bits >> 23u, 126u);
+    if octave >= 15u {
+        return block.marks[15] & 0xffffu;
+    }
+    let fraction = bitcast<f32>((bits & 0x7fffffu) | 0x3f800000u) - 1.0;
+    let high = block.marks[octave] & 0xffffu;
+    let low = block.marks[octave + 1u] & 0xffffu;
+    let between = f32(low) + f32(high - low) * fraction;
+    return min(u32(ceil(between)) + (block.marks[octave] >> 16u), high);
 }
 
 @compute @workgroup_size(64)
@@ -55,9 +67,9 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
     let nearest = select(distance(clamp(eye, block.lo, block.lo + block.extent), eye), 1.0, settings.orthographic != 0u);
-    let k = k_of(nearest);
-    if k <= block.most_k {
-        let samples = sample_count(block, k);
+    let k = view_scale(nearest);
+    if k < block.complete_below {
+        let samples = prefix_length(block, k);
         atomicAdd(&counters.instances_seen, select(0u, resident_count(block), !second));
         atomicAdd(&counters.groves, 1u);
         if samples > 0u {

@@ -7,11 +7,11 @@
 // phase asks the same questions again.
 #define_import_path bevy_treeline::culling
 
-#import bevy_treeline::hash::unit_from_bits
-#import bevy_treeline::instance::{NOT_RESIDENT, has_mesh, hash_of, matrix_of, rotation_of, seed_of, species_of}
-#import bevy_treeline::lod::{cluster_points, d_zero, disc_radius, fade_band, fade_state, level_clusters, level_of, list_points, prefix_count, range_share, round_count}
+#import bevy_treeline::instance::{NOT_RESIDENT, matrix_of, rotation_of, species_of}
+#import bevy_treeline::lod::{cluster_points, disc_radius, level_clusters, level_of, list_points}
 #import bevy_treeline::occlusion::{ScreenBox, pyramid_level, pyramid_offset, pyramid_side, pyramid_size, screen_box}
 #import bevy_treeline::select_bindings::{instance_blocks, item_count, settings, view}
+#import bevy_treeline::selection::wanted_points
 #import bevy_treeline::types::{Cluster, InstanceBlock, Species, TreeInstance}
 
 @group(1) @binding(0) var<storage, read> species: array<Species>;
@@ -143,8 +143,8 @@ fn edges_of(extent: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(vec3(extent.x, 0.0, 0.0), vec3(0.0, extent.y, 0.0), vec3(0.0, 0.0, extent.z));
 }
 
-// `quality` times the pixels of a world unit, squared, at distance `d`.
-fn k_of(d: f32) -> f32 {
+// `k` of groves at distance `d`. Twin of `view_scale`.
+fn view_scale(d: f32) -> f32 {
     let pixels = settings.pixels_per_unit / max(d, 1e-6);
     return settings.quality * pixels * pixels;
 }
@@ -160,38 +160,20 @@ fn all_of(n: u32) -> u32 {
     return 0xffffffffu >> (32u - n);
 }
 
-// Points of a tree and their size, before occlusion. `radius` is 0 where there is none.
+// Points of a tree and their size, before occlusion.
 fn select_points(block: InstanceBlock, instance: TreeInstance, kind: Species, center: vec3<f32>) -> Draw {
     var draw = Draw(SMALL, 0u, 0.0, 0u, 0u, 0u, false);
-    let d = distance_to(center);
-    let s = kind.pixel * instance.scale;
-    let n0 = f32(kind.point_count);
-    let n = prefix_count(n0, s, settings.pixels_per_unit, d, settings.quality);
-    var wanted = n;
-    // An orthographic view draws points only.
-    if has_mesh(instance) && settings.orthographic == 0u {
-        let hash = unit_from_bits(seed_of(instance));
-        let band = fade_band(d_zero(s, settings.pixels_per_unit), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
-        let state = fade_state(band, d);
-        if state.points <= 0.0 {
-            draw.verdict = MESH;
-            return draw;
-        }
-        draw.fading = state.mesh > 0.0;
-        wanted *= state.points;
+    let wanted = wanted_points(settings, instance, kind, distance_to(center), block.fade_begin, block.fade_end);
+    draw.fading = wanted.fading;
+    if wanted.as_mesh {
+        draw.verdict = MESH;
+    } else if wanted.count > 0u {
+        draw.verdict = DRAWN;
+        draw.count = wanted.count;
+        draw.radius = disc_radius(kind.surface_area * instance.scale * instance.scale, wanted.n);
+        draw.level = level_of(draw.count, kind.level_count);
+        draw.mask = all_of(level_clusters(draw.level).y);
     }
-    if settings.orthographic == 0u {
-        wanted *= range_share(d, block.fade_begin, block.fade_end);
-    }
-    draw.count = min(round_count(wanted, hash_of(instance)), kind.point_count);
-    if draw.count == 0u {
-        return draw;
-    }
-    draw.verdict = DRAWN;
-    // The splat size follows the prefix before fading: points leave, they do not grow.
-    draw.radius = disc_radius(kind.surface_area * instance.scale * instance.scale, n);
-    draw.level = level_of(draw.count, kind.level_count);
-    draw.mask = all_of(level_clusters(draw.level).y);
     return draw;
 }
 

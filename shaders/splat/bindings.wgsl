@@ -12,7 +12,7 @@
 @group(0) @binding(4) var<storage, read> instance_blocks: array<InstanceBlock>;
 @group(0) @binding(5) var<storage, read> splat_items: array<SplatItem>;
 @group(0) @binding(6) var<storage, read> surfels_hot: array<SurfelHot>;
-// Samples of groves, two a word: place of the tree in its block, rank of the point << 8.
+// Samples of groves: rank of the point | place of the tree in its block << 24.
 @group(0) @binding(7) var<storage, read> samples: array<u32>;
 @group(0) @binding(8) var<storage, read_write> counters: Counters;
 

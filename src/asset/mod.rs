@@ -13,7 +13,7 @@ mod lanes;
 mod sections;
 mod surfel;
 #[cfg(test)]
-mod synthetic;
+pub(crate) mod synthetic;
 mod tree_asset;
 mod tree_data;
 

@@ -55,7 +55,8 @@ mod tests {
     fn splats_have_the_area_of_the_tree_times_the_overlap() {
         let area_of = |n: f32, leaf_area: f32, thickness: u8, one_sided: bool, spacing: f32| {
             let r = disc_radius(60.0, n);
-            n * r * r * PI * overlap(leaf_overlap(r, leaf_area, 0.5), thickness, one_sided, spacing) / 60.0
+            n * r * r * PI * overlap(leaf_overlap(r, leaf_area, 0.5), thickness, one_sided, spacing)
+                / 60.0
         };
         // Few points: a leaf is smaller than a splat, nothing is gained; many: half as much again.
         assert!((area_of(100.0, 0.0059, 0, false, 1.0) - 1.0).abs() < 0.01);

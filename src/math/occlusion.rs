@@ -165,8 +165,12 @@ mod tests {
 
     #[test]
     fn what_reaches_behind_the_eye_is_never_hidden() {
-        let near = screen_box(&clip(), Vec3::new(-1.0, 1.0, -1.0), Vec3::splat(2.0), SIZE.as_vec2());
-        assert!(!near.bounded && !is_hidden(&pyramid(&vec![1.0; 330 * 190], SIZE, false), SIZE, &near, 0.0));
+        let near =
+            screen_box(&clip(), Vec3::new(-1.0, 1.0, -1.0), Vec3::splat(2.0), SIZE.as_vec2());
+        assert!(
+            !near.bounded
+                && !is_hidden(&pyramid(&vec![1.0; 330 * 190], SIZE, false), SIZE, &near, 0.0)
+        );
     }
 
     proptest! {

@@ -38,6 +38,13 @@ pub struct ViewCounters {
     pub culled_frustum: u32,
     /// Of the trees, deserving no point.
     pub culled_small: u32,
+    /// Of the trees, wholly hidden by what is in front of them (and their species is loaded). Trees that were hidden with
+    /// their whole block may be outside of the frustum, or deserve no point, as well.
+    pub culled_occluded: u32,
+    /// Blocks of far trees that were drawn as groves; their trees were not looked at one by one.
+    pub groves: u32,
+    /// Of the points, drawn after the depth pyramid: what the frame before did not show.
+    pub second_points: u32,
     /// Of the trees, drawn by their mesh alone.
     pub as_mesh: u32,
     /// Of the trees, in the crossfade band.
@@ -54,6 +61,10 @@ pub struct ViewCounters {
     pub covered_pixels: u32,
     /// Forests that are not on the GPU yet (see [`UploadBudget`](crate::UploadBudget)), of all cameras.
     pub waiting_forests: u32,
+    /// Forests whose groves are still being made, of all cameras: their trees are looked at one by one meanwhile.
+    pub pending_groves: u32,
+    /// Bytes on the GPU that trees take (instances, blocks, groves), of all cameras; without surfels.
+    pub tree_bytes: u64,
 }
 
 impl ViewCounters {
@@ -63,7 +74,7 @@ impl ViewCounters {
         let (points, items, pixels) =
             (u64::from(self.points), u64::from(self.items), u64::from(self.covered_pixels));
         let instances = u64::from(self.instances_seen - self.culled_in_tiles);
-        instances * 32 + items * 16 + points * 8 + pixels * (16 + 16 + 32 + 8)
+        instances * 32 + items * (20 + 80) + points * 8 + pixels * (16 + 16 + 32 + 8)
     }
 }
 
@@ -109,6 +120,13 @@ pub(super) struct CounterReadback {
     frame: u64,
 }
 
+impl CounterReadback {
+    /// Number of the frame in the making.
+    pub fn frame(&self) -> u64 {
+        self.frame
+    }
+}
+
 impl FromWorld for CounterReadback {
     fn from_world(world: &mut World) -> Self {
         let counters = world.get_resource::<TreelineCounters>().cloned().unwrap_or_default();
@@ -117,8 +135,8 @@ impl FromWorld for CounterReadback {
             let c: GpuCounters = bytemuck::pod_read_unaligned(bytes);
             if c.item_overflow > 0 && !overflow_reported.swap(true, Ordering::Relaxed) {
                 warn!(
-                    "{} of {} work items did not fit and their points are missing: raise \
-                     `TreelineSettings::point_capacity_millions` or lower `quality`",
+                    "{} of {} work items did not fit: this frame lacks their points, later ones are drawn with less \
+                     quality until they fit; raise `TreelineSettings::point_capacity_millions` or lower `quality`",
                     c.item_overflow,
                     c.items + c.item_overflow
                 );
@@ -132,6 +150,9 @@ impl FromWorld for CounterReadback {
                     culled_in_tiles: tiles.culled_trees,
                     culled_frustum: c.culled_frustum,
                     culled_small: c.culled_small,
+                    culled_occluded: c.culled_occluded,
+                    groves: c.groves,
+                    second_points: c.second_points,
                     as_mesh: c.as_mesh,
                     in_fade: c.in_fade,
                     points: c.points,
@@ -140,6 +161,8 @@ impl FromWorld for CounterReadback {
                     covered_blocks: c.covered_blocks,
                     covered_pixels: c.covered_pixels,
                     waiting_forests: tiles.waiting,
+                    pending_groves: tiles.pending_groves,
+                    tree_bytes: tiles.tree_bytes,
                 },
             );
         };

@@ -1,4 +1,5 @@
-//! L3: the render world. extract → residency → cull_tiles → view → select → splat → resolve; counters flow back.
+//! L3: the render world. extract → residency → cull_tiles → view → select → splat → pyramid → select → splat →
+//! resolve; counters flow back.
 //!
 //! In: forests, single trees and settings of the main world. Out: lit pixels and depth in the main pass of every
 //! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: a look at each forest, plus instances
@@ -7,6 +8,7 @@
 mod counters;
 mod cull_tiles;
 mod extract;
+mod pyramid;
 mod residency;
 mod resolve;
 mod select;
@@ -57,6 +59,7 @@ impl Plugin for TreelineRenderPlugin {
                 RenderStartup,
                 (
                     select::init_select_pipelines,
+                    pyramid::init_pyramid_pipelines,
                     splat::init_splat_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
                 ),
@@ -71,6 +74,7 @@ impl Plugin for TreelineRenderPlugin {
                         .in_set(RenderSystems::PrepareResources),
                     (
                         select::prepare_select_groups,
+                        pyramid::prepare_pyramid_groups,
                         splat::prepare_splat_groups,
                         resolve::prepare_resolve_groups,
                     )
@@ -81,7 +85,15 @@ impl Plugin for TreelineRenderPlugin {
             .add_systems(
                 Core3d,
                 (
-                    (select::select, splat::splat, resolve::classify, counters::copy_counters)
+                    (
+                        select::select::<0>,
+                        splat::splat::<0>,
+                        pyramid::build_pyramid,
+                        select::select::<1>,
+                        splat::splat::<1>,
+                        resolve::classify,
+                        counters::copy_counters,
+                    )
                         .chain()
                         .after(late_deferred_prepass)
                         .before(Core3dSystems::MainPass),
