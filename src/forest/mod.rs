@@ -20,7 +20,9 @@ pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
-pub use settings::{CullingView, DebugView, SplatPath, SplatShape, TreelineSettings, UploadBudget};
+pub use settings::{
+    CullingView, DebugView, QualityFactor, SplatPath, SplatShape, TreelineSettings, UploadBudget,
+};
 
 use crate::asset::{NearMesh, TreeAsset};
 use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};
@@ -50,6 +52,7 @@ impl Plugin for ForestPlugin {
             .register_type::<TreeImpostor>()
             .register_type::<LodState>()
             .register_type::<TreelineSettings>()
+            .register_type::<QualityFactor>()
             .register_type::<UploadBudget>()
             .configure_sets(
                 PostUpdate,

@@ -5,7 +5,7 @@ use super::{
     residency::InstancePool,
 };
 use crate::{
-    forest::{SplatShape, TreelineSettings},
+    forest::{QualityFactor, SplatShape, TreelineSettings},
     gpu::types::{
         GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuViewBlock,
         GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
@@ -42,6 +42,8 @@ pub(super) struct ViewBuffers {
     /// Blocks of instances that the view selects from.
     pub block_count: u32,
     pub tile_counts: TileCounts,
+    /// `q` as drawn: the camera's, times its governor's factor.
+    pub quality: f32,
     /// What `view_blocks` begins with.
     written_blocks: Vec<GpuViewBlock>,
     block_capacity: u32,
@@ -153,7 +155,7 @@ pub(super) fn prepare_views(
             &ExtractedView,
             &ExtractedCamera,
             &Msaa,
-            Option<&TreelineSettings>,
+            (Option<&TreelineSettings>, Option<&QualityFactor>),
             Option<&ViewPrepassTextures>,
             Option<&Frustum>,
             Option<&RenderLayers>,
@@ -170,7 +172,7 @@ pub(super) fn prepare_views(
     let limits = device.limits();
     let binding_limit = limits.max_storage_buffer_binding_size;
     let everyone = RenderLayers::default();
-    for (entity, view, camera, msaa, settings, prepass, frustum, layers) in &cameras {
+    for (entity, view, camera, msaa, (settings, factor), prepass, frustum, layers) in &cameras {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
         let has_pixels =
@@ -212,6 +214,7 @@ pub(super) fn prepare_views(
                 size,
                 block_count: 0,
                 tile_counts: default(),
+                quality: settings.quality,
                 written_blocks: vec![],
                 block_capacity: 0,
                 item_capacity,
@@ -253,6 +256,7 @@ pub(super) fn prepare_views(
         }
         buffers.select_from(seen.blocks, most_blocks as u32, &device, &queue);
         buffers.tile_counts = seen.counts;
+        buffers.quality = settings.quality * factor.copied().unwrap_or_default().get();
         if buffers.item_capacity != item_capacity {
             buffers.items = item_buffer(&device, item_capacity);
             buffers.item_capacity = item_capacity;
@@ -277,7 +281,7 @@ pub(super) fn prepare_views(
             block_count: buffers.block_count,
             item_capacity,
             pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),
-            quality: settings.quality,
+            quality: buffers.quality,
             min_mesh_distance: settings.min_mesh_distance,
             fade_width: settings.fade_width,
             fade_jitter: settings.fade_jitter,
