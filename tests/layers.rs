@@ -70,6 +70,8 @@ const LAYERS: &[Layer] = &[
     Layer { at: "landscape/streaming", may_name: &["forest"], may_not: RENDERER },
     // L3
     Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest"], may_not: &[] },
+    // Reads the counters of views, which come from the render world.
+    Layer { at: "governor", may_name: &["lod", "forest", "render"], may_not: RENDERER },
     Layer { at: "diagnostics", may_name: &["forest", "render"], may_not: RENDERER },
     // What wires it all together.
     Layer { at: "plugin", may_name: ANY, may_not: &[] },

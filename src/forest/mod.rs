@@ -21,7 +21,8 @@ pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
 pub use settings::{
-    CullingView, DebugView, Occlusion, SplatPath, SplatShape, TreelineSettings, UploadBudget,
+    CullingView, DebugView, Occlusion, QualityFactor, SplatPath, SplatShape, TreelineSettings,
+    UploadBudget,
 };
 
 use crate::asset::{NearMesh, TreeAsset};
@@ -52,6 +53,7 @@ impl Plugin for ForestPlugin {
             .register_type::<TreeImpostor>()
             .register_type::<LodState>()
             .register_type::<TreelineSettings>()
+            .register_type::<QualityFactor>()
             .register_type::<UploadBudget>()
             .configure_sets(
                 PostUpdate,

@@ -160,6 +160,25 @@ impl TreelineSettings {
     }
 }
 
+/// What a camera's [`TreelineSettings::quality`] is multiplied by, 0 to 1: written by its
+/// [`QualityGovernor`](crate::QualityGovernor), for others to read. Without this component: 1.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect, ExtractComponent)]
+#[reflect(Component, Default)]
+pub struct QualityFactor(pub(crate) f32);
+
+impl Default for QualityFactor {
+    fn default() -> Self {
+        Self(1.0)
+    }
+}
+
+impl QualityFactor {
+    /// The factor.
+    pub fn get(self) -> f32 {
+        self.0
+    }
+}
+
 /// How much of new forests is sent to the GPU in a frame, so that streaming never holds up one frame for long. A
 /// resource.
 ///

@@ -23,10 +23,13 @@ use std::{
 };
 
 /// What one camera's view drew in the newest frame that has come back.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ViewCounters {
     /// Frames counted since the start; tells a new value from an old one.
     pub frame: u64,
+    /// `q` of that frame: [`TreelineSettings::quality`](crate::TreelineSettings::quality) times the camera's
+    /// [`QualityFactor`](crate::QualityFactor).
+    pub quality: f32,
     /// Trees of the scene, in sight or not: of visible [`Forest`](crate::Forest)s that are on the GPU, and single trees
     /// on the camera's layers, whose species is loaded.
     pub instances_seen: u32,
@@ -110,6 +113,7 @@ struct CounterTag {
     camera: Entity,
     frame: u64,
     tiles: TileCounts,
+    quality: f32,
 }
 
 /// Staging of the counters.
@@ -131,7 +135,8 @@ impl FromWorld for CounterReadback {
     fn from_world(world: &mut World) -> Self {
         let counters = world.get_resource::<TreelineCounters>().cloned().unwrap_or_default();
         let overflow_reported = AtomicBool::new(false);
-        let publish = move |CounterTag { camera, frame, tiles }: CounterTag, bytes: &[u8]| {
+        let publish = move |CounterTag { camera, frame, tiles, quality }: CounterTag,
+                            bytes: &[u8]| {
             let c: GpuCounters = bytemuck::pod_read_unaligned(bytes);
             if c.item_overflow > 0 && !overflow_reported.swap(true, Ordering::Relaxed) {
                 warn!(
@@ -145,6 +150,7 @@ impl FromWorld for CounterReadback {
                 camera,
                 ViewCounters {
                     frame,
+                    quality,
                     instances_seen: c.instances_seen + tiles.culled_trees,
                     culled_tiles: tiles.culled_tiles,
                     culled_in_tiles: tiles.culled_trees,
@@ -182,8 +188,12 @@ pub(super) fn copy_counters(
     let (trees, main_entity) = view.into_inner();
     let Some(buffers) = views.get(trees) else { return };
     let mut ring = readback.ring.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let tag =
-        CounterTag { camera: main_entity.id(), frame: readback.frame, tiles: buffers.tile_counts };
+    let tag = CounterTag {
+        camera: main_entity.id(),
+        frame: readback.frame,
+        tiles: buffers.tile_counts,
+        quality: buffers.quality,
+    };
     ring.copy(&device, ctx.command_encoder(), &buffers.counters, tag);
 }
 

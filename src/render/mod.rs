@@ -18,7 +18,7 @@ mod view;
 pub use counters::{TreelineCounters, ViewCounters};
 pub use splat::SplatSupport;
 
-use crate::forest::{SplatPath, TreelineSettings};
+use crate::forest::{QualityFactor, SplatPath, TreelineSettings};
 use bevy::{
     core_pipeline::{
         Core3d, Core3dSystems, core_3d::main_opaque_pass_3d, deferred::node::late_deferred_prepass,
@@ -43,8 +43,10 @@ pub(crate) struct TreelineRenderPlugin {
 impl Plugin for TreelineRenderPlugin {
     fn build(&self, app: &mut App) {
         let counters = TreelineCounters::default();
-        app.insert_resource(counters.clone())
-            .add_plugins(ExtractComponentPlugin::<TreelineSettings>::default());
+        app.insert_resource(counters.clone()).add_plugins((
+            ExtractComponentPlugin::<TreelineSettings>::default(),
+            ExtractComponentPlugin::<QualityFactor>::default(),
+        ));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(counters)

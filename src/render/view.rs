@@ -6,7 +6,7 @@ use super::{
     residency::InstancePool,
 };
 use crate::{
-    forest::{Occlusion, SplatShape, TreelineSettings},
+    forest::{Occlusion, QualityFactor, SplatShape, TreelineSettings},
     gpu::types::{
         GpuCounters, GpuIndirectArgs, GpuRun, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
         GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK,
@@ -52,6 +52,8 @@ pub(super) struct ViewBuffers {
     /// Blocks of instances that the view selects from.
     pub block_count: u32,
     pub tile_counts: TileCounts,
+    /// `q` as drawn: the camera's, times its governor's factor and what fits.
+    pub quality: f32,
     /// What `view_blocks` begins with.
     written_blocks: Vec<GpuViewBlock>,
     block_capacity: u32,
@@ -210,7 +212,7 @@ pub(super) fn prepare_views(
             &ExtractedView,
             &ExtractedCamera,
             &Msaa,
-            Option<&TreelineSettings>,
+            (Option<&TreelineSettings>, Option<&QualityFactor>),
             Option<&ViewPrepassTextures>,
             Option<&Frustum>,
             Option<&RenderLayers>,
@@ -230,7 +232,9 @@ pub(super) fn prepare_views(
     let limits = device.limits();
     let binding_limit = limits.max_storage_buffer_binding_size;
     let everyone = RenderLayers::default();
-    for (entity, view, camera, msaa, settings, prepass, frustum, layers, main_entity) in &cameras {
+    for (entity, view, camera, msaa, (settings, factor), prepass, frustum, layers, main_entity) in
+        &cameras
+    {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
         let has_pixels =
@@ -278,6 +282,7 @@ pub(super) fn prepare_views(
                 fit: default(),
                 block_count: 0,
                 tile_counts: default(),
+                quality: settings.quality,
                 written_blocks: vec![],
                 block_capacity: 0,
                 item_capacity,
@@ -329,6 +334,8 @@ pub(super) fn prepare_views(
         if let Some(counters) = counters.of(main_entity.id()) {
             buffers.fit.update(&counters, item_capacity, readback.frame());
         }
+        let factor = factor.copied().unwrap_or_default().get();
+        buffers.quality = settings.quality * factor * buffers.fit.factor;
         for name in moved {
             if !buffers.warned.contains(&name) {
                 warn!(
@@ -365,7 +372,7 @@ pub(super) fn prepare_views(
             block_count: buffers.block_count,
             item_capacity,
             pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),
-            quality: settings.quality * buffers.fit.factor,
+            quality: buffers.quality,
             min_mesh_distance: settings.min_mesh_distance,
             fade_width: settings.fade_width,
             fade_jitter: settings.fade_jitter,

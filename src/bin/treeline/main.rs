@@ -2,6 +2,7 @@
 
 mod bake;
 mod compare;
+mod coverage;
 mod doctor;
 mod flip;
 mod fly;
