@@ -4,6 +4,7 @@
 //! peer did not run.
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 /// Version of the columns: raised when one changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
@@ -96,6 +97,26 @@ pub struct Row {
     /// Process start to first frame; and baking, not in it.
     pub startup_s: Option<f64>,
     pub bake_s: Option<f64>,
+}
+
+impl Row {
+    /// There are figures.
+    pub fn ran(&self) -> bool {
+        self.status == "ok"
+    }
+
+    /// The technique without its variant: `lod` of `lod+msaa4`.
+    pub fn base_technique(&self) -> &str {
+        self.technique.split('+').next().unwrap_or_default()
+    }
+
+    /// Each column by its name; absent ones are null.
+    pub fn columns(&self) -> Map<String, Value> {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(columns)) => columns,
+            other => unreachable!("a row of named fields is an object, not {other:?}"),
+        }
+    }
 }
 
 /// The machine that measured.
