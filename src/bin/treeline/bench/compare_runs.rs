@@ -5,9 +5,9 @@
 //! have those 5 % only.
 
 use super::{
-    format::{count, figure},
+    format::figure,
     row::{Machine, Results, Row},
-    scenario::Scenario,
+    scenario::{Scenario, position_text},
     stats::noise,
 };
 use std::fmt::Write;
@@ -152,7 +152,7 @@ impl Tally {
 }
 
 fn compare_rows(text: &mut String, tally: &mut Tally, old: &Row, new: &Row, same_machine: bool) {
-    line(text, &format!("  {} at {}", new.technique, count(new.instances)));
+    line(text, &format!("  {}, {}", new.technique, position_text(new)));
     if old.seed != new.seed {
         line(
             text,
@@ -211,21 +211,13 @@ fn judge(kind: Kind, ratio: f64, margin: f64) -> Verdict {
 fn is_same_configuration(old: &Row, new: &Row) -> bool {
     old.technique == new.technique
         && old.instances == new.instances
+        && old.camera == new.camera
         && Scenario::of(old) == Scenario::of(new)
 }
 
-/// Commits and dates of the rows, each once.
 fn origin(results: &Results) -> String {
-    let mut sources: Vec<String> = vec![];
-    for row in &results.rows {
-        let source = format!("commit {} of {}", row.commit, row.date);
-        if !sources.contains(&source) {
-            sources.push(source);
-        }
-    }
     let machine = &results.machine;
-    let sources = if sources.is_empty() { "no rows".to_owned() } else { sources.join(", ") };
-    format!("{sources}, on {} ({})", machine.adapter, machine.driver)
+    format!("{}, on {} ({})", results.sources(), machine.adapter, machine.driver)
 }
 
 /// `adapter: a against b` for each part that is not the same.
@@ -249,7 +241,7 @@ fn list(text: &mut String, heading: &str, rows: &[&Row]) {
     line(text, &format!("\n{heading}"));
     for row in rows {
         let scenario = Scenario::of(row).title();
-        line(text, &format!("  {} at {} ({scenario})", row.technique, count(row.instances)));
+        line(text, &format!("  {}, {} ({scenario})", row.technique, position_text(row)));
     }
 }
 
@@ -349,12 +341,12 @@ mod tests {
         let found = compare(&old, &new);
         assert!(found.worse && found.text.contains("WORSE: does not run any more: device lost"));
         let tail = found.text.split_once("Only in the new results:").expect("a list").1;
-        assert!(tail.contains(&format!("{} at 1k", gone.technique)));
+        assert!(tail.contains(&format!("{}, 1k", gone.technique)));
         assert!(
             tail.split_once("Only in the old results:")
                 .expect("a list")
                 .1
-                .contains("lod+msaa4 at 1k")
+                .contains("lod+msaa4, 1k")
         );
     }
 

@@ -1,6 +1,10 @@
-//! What rows share that may be compared with each other: everything but technique and number of instances.
+//! What rows share that may be shown together: everything but the technique and the position, which is the number of trees,
+//! or in the scene `single` the distance of the one.
 
-use super::row::Row;
+use super::{
+    format::{count, tick},
+    row::Row,
+};
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scenario {
@@ -16,7 +20,7 @@ impl Scenario {
             scene: row.scene.clone(),
             species: row.species.clone(),
             size: row.size.clone(),
-            camera: row.camera.clone(),
+            camera: row.camera.split(" at ").next().unwrap_or_default().to_owned(),
         }
     }
 
@@ -31,6 +35,25 @@ impl Scenario {
         let words =
             text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
         words.collect::<Vec<_>>().join("_")
+    }
+}
+
+/// Where a row stands among those of its scenario.
+pub fn position(row: &Row) -> f64 {
+    row.distance().unwrap_or(row.instances as f64)
+}
+
+/// The same for people: `10k`, or `at 12.5`.
+pub fn position_text(row: &Row) -> String {
+    row.distance().map_or_else(|| count(row.instances), |distance| format!("at {}", tick(distance)))
+}
+
+/// What positions are.
+pub fn position_name(rows: &[&Row]) -> &'static str {
+    if rows.iter().any(|row| row.distance().is_some()) {
+        "distance of the tree"
+    } else {
+        "trees in the scene"
     }
 }
 
@@ -50,6 +73,18 @@ pub fn by_scenario(rows: &[Row]) -> Vec<(Scenario, Vec<&Row>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_tree_at_several_distances_is_one_scenario() {
+        let row = |camera: &str| Row { camera: camera.into(), instances: 1, ..Default::default() };
+        let (near, far) = (row("still at 12.5"), row("still at 100"));
+        assert_eq!(Scenario::of(&near), Scenario::of(&far));
+        assert_eq!((position(&near), position_text(&near)), (12.5, "at 12.5".to_owned()));
+        assert_eq!(position_name(&[&near, &far]), "distance of the tree");
+        let forest = Row { instances: 10_000, ..row("flying") };
+        assert_eq!((position(&forest), position_text(&forest)), (1e4, "10k".to_owned()));
+        assert_ne!(Scenario::of(&near), Scenario::of(&forest));
+    }
 
     #[test]
     fn rows_that_may_be_compared_come_together_in_their_order() {

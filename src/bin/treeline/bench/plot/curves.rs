@@ -6,13 +6,16 @@ use super::{
     palette::Look,
     panel::{Curve, HEIGHT, Level, Panel, WIDTH},
 };
-use crate::bench::{format::count, row::Row};
+use crate::bench::{
+    row::Row,
+    scenario::{position, position_name, position_text},
+};
 
 pub type Column = fn(&Row) -> Option<f64>;
 
-/// A figure against the number of instances, for each of `figures` (title, unit, column) a panel; both axes logarithmic.
+/// A figure against the number of trees (or the distance of one), for each of `figures` (title, unit, column) a panel; both axes logarithmic.
 /// Nothing if no row has any.
-pub fn against_instances(
+pub fn against_position(
     rows: &[&Row],
     looks: &[Look],
     figures: &[(&str, &str, Column)],
@@ -20,11 +23,10 @@ pub fn against_instances(
     let panels: Vec<Panel> = figures
         .iter()
         .filter_map(|(title, unit, column)| {
-            let curves =
-                curves(rows, looks, |row| Some((row.instances as f64, column(row)?, None)));
+            let curves = curves(rows, looks, |row| Some((position(row), column(row)?, None)));
             Some(Panel {
                 title: (*title).to_owned(),
-                x: Axis::logarithmic("trees in the scene", all(&curves, 0))?,
+                x: Axis::logarithmic(position_name(rows), all(&curves, 0))?,
                 y: Axis::logarithmic(unit, all(&curves, 1))?,
                 curves,
                 levels: vec![],
@@ -34,22 +36,23 @@ pub fn against_instances(
     (!panels.is_empty()).then(|| beside_each_other(&panels, looks))
 }
 
-/// FLIP against the points drawn, with those techniques that draw none as levels: at the number of instances where most of
+/// FLIP against the points drawn, with those techniques that draw none as levels: at the position where most of
 /// them have an error.
 pub fn flip_against_points(rows: &[&Row], looks: &[Look]) -> Option<Drawn<String>> {
     let curves = curves(rows, looks, |row| {
-        Some((row.points_drawn? as f64, row.flip_mean?, Some(count(row.instances))))
+        Some((row.points_drawn? as f64, row.flip_mean?, Some(position_text(row))))
     });
     let peers = || rows.iter().filter(|row| row.points_drawn.is_none() && row.flip_mean.is_some());
-    let at = peers()
-        .map(|row| row.instances)
-        // The last of the most is taken: the smallest number of instances.
-        .max_by_key(|n| (peers().filter(|row| row.instances == *n).count(), std::cmp::Reverse(*n)));
+    let peers_at = |at: f64| peers().filter(|row| position(row) == at).count();
+    let at = peers().map(|row| position(row)).min_by(|a, b| {
+        // Among equals the nearest to the start.
+        peers_at(*b).cmp(&peers_at(*a)).then(a.total_cmp(b))
+    });
     let levels: Vec<Level> = peers()
-        .filter(|row| Some(row.instances) == at)
+        .filter(|row| Some(position(row)) == at)
         .filter_map(|row| {
             let look = looks.iter().find(|look| look.technique == row.technique)?;
-            let name = format!("{} at {}", row.technique, count(row.instances));
+            let name = format!("{}, {}", row.technique, position_text(row));
             Some(Level { look, value: row.flip_mean?, name })
         })
         .collect();
@@ -75,7 +78,7 @@ pub fn error_against_cost(rows: &[&Row], looks: &[Look]) -> Option<Drawn<String>
         .iter()
         .filter_map(|(title, unit, column)| {
             let curves = curves(rows, looks, |row| {
-                Some((row.cpu_s_per_frame?, column(row)?, Some(count(row.instances))))
+                Some((row.cpu_s_per_frame?, column(row)?, Some(position_text(row))))
             });
             Some(Panel {
                 title: (*title).to_owned(),
@@ -97,7 +100,7 @@ fn curves<'a>(
 ) -> Vec<Curve<'a>> {
     let curve = |look: &'a Look| {
         let mut own: Vec<&&Row> = rows.iter().filter(|r| r.technique == look.technique).collect();
-        own.sort_by_key(|row| row.instances);
+        own.sort_by(|a, b| position(a).total_cmp(&position(b)));
         // Neither 0 nor below has a logarithm; no figure is below.
         let points = own.into_iter().filter_map(|row| point(row)).filter(|(x, ..)| *x > 0.0);
         Curve { look, points: points.collect() }

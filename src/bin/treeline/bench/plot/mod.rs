@@ -9,11 +9,11 @@ mod shares;
 
 use super::{
     row::{Results, Row},
-    scenario::{Scenario, by_scenario},
+    scenario::{Scenario, by_scenario, position},
 };
 use crate::options::{ToolError, ToolResult, write_file};
 use canvas::Drawn;
-use curves::{Column, against_instances, error_against_cost, flip_against_points};
+use curves::{Column, against_position, error_against_cost, flip_against_points};
 use palette::{Look, looks};
 use shares::time_shares;
 use std::path::Path;
@@ -62,9 +62,8 @@ pub fn plots(results: &Results) -> ToolResult<Vec<Plot>> {
     for (scenario, rows) in by_scenario(&results.rows) {
         let mut ran: Vec<&Row> = rows.into_iter().filter(|row| row.ran()).collect();
         // As in the legends.
-        ran.sort_by_key(|row| {
-            (looks.iter().position(|l| l.technique == row.technique), row.instances)
-        });
+        let order = |row: &Row| looks.iter().position(|look| look.technique == row.technique);
+        ran.sort_by(|a, b| order(a).cmp(&order(b)).then(position(a).total_cmp(&position(b))));
         for (name, caption, drawn) in drawings(&ran, &looks) {
             let file_name = format!("{name}_{}.svg", scenario.file_name());
             let Some(drawn) = drawn else { continue };
@@ -84,17 +83,17 @@ fn drawings(
     [
         (
             "frame_time",
-            "Cost against the number of trees; both axes logarithmic. Flat is what cost by pixels looks like.",
-            against_instances(rows, looks, &COST),
+            "Cost of a frame; both axes logarithmic. Where it is flat, it follows pixels and not trees.",
+            against_position(rows, looks, &COST),
         ),
         (
             "error_cost",
-            "Error against cost, with the number of trees beside each mark: further down and to the left is better.",
+            "Error against cost, the number of trees (or the distance of the one) beside each mark: further down and to the left is better.",
             error_against_cost(rows, looks),
         ),
         (
             "flip_points",
-            "Error against points drawn, with the number of trees beside each mark; lines across are techniques without points.",
+            "Error against points drawn, the number of trees (or the distance of the one) beside each mark; lines across are techniques without points.",
             flip_against_points(rows, looks),
         ),
         (
@@ -107,11 +106,7 @@ fn drawings(
             "Shares of the stages in the CPU time of a frame, without waiting for the GPU; their sum is at the end of the bar.",
             time_shares(rows, "CPU time by stage", &STAGES),
         ),
-        (
-            "memory",
-            "Memory against the number of trees; both axes logarithmic.",
-            against_instances(rows, looks, &MEMORY),
-        ),
+        ("memory", "Memory; both axes logarithmic.", against_position(rows, looks, &MEMORY)),
     ]
 }
 

@@ -9,7 +9,7 @@ use plotters::prelude::*;
 
 /// Width and height of a panel with its axes and title.
 pub const WIDTH: i32 = 430;
-pub const HEIGHT: i32 = 370;
+pub const HEIGHT: i32 = 380;
 const TITLE_HEIGHT: i32 = 30;
 
 pub struct Curve<'a> {
@@ -45,6 +45,7 @@ impl Panel<'_> {
             .margin_left(4)
             .margin_right(20)
             .margin_top(6)
+            .margin_bottom(8)
             .x_label_area_size(48)
             .y_label_area_size(64)
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;

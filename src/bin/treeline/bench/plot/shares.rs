@@ -5,10 +5,7 @@ use super::{
     curves::Column,
     palette::{FRAME, PAPER, PARTS},
 };
-use crate::bench::{
-    format::{count, figure},
-    row::Row,
-};
+use crate::bench::{format::figure, row::Row, scenario::position_text};
 use plotters::prelude::*;
 
 const BAR_WIDTH: i32 = 560;
@@ -26,7 +23,7 @@ pub fn time_shares(
         .iter()
         .map(|row| {
             let times = parts.iter().map(|(_, column)| column(row).unwrap_or(0.0).max(0.0));
-            (format!("{}, {}", row.technique, count(row.instances)), times.collect())
+            (format!("{}, {}", row.technique, position_text(row)), times.collect())
         })
         .filter(|(_, times): &(String, Vec<f64>)| times.iter().sum::<f64>() > 0.0)
         .collect();

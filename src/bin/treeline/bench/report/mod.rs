@@ -67,13 +67,6 @@ fn page(results: &Results, plots: &[Plot], pictures: &[Picture]) -> ToolResult<S
 /// Title, machine, command, and how to read the rest.
 fn head(results: &Results) -> String {
     let machine = &results.machine;
-    let mut sources: Vec<String> = vec![];
-    for row in &results.rows {
-        let source = format!("commit {}, {}", row.commit, row.date);
-        if !sources.contains(&source) {
-            sources.push(source);
-        }
-    }
     let facts = [
         ("adapter", machine.adapter.clone()),
         ("driver", format!("{} ({})", machine.driver, machine.backend)),
@@ -82,7 +75,7 @@ fn head(results: &Results) -> String {
             format!("{}, {} cores, {} MB", machine.cpu, machine.cores, machine.memory_mb),
         ),
         ("system", machine.os.clone()),
-        ("measured", sources.join("; ")),
+        ("measured", results.sources()),
     ];
     let facts: String = facts
         .iter()

@@ -4,20 +4,20 @@ use super::html::{Cell, table};
 use crate::bench::{
     format::{count, figure, figure_or_dash},
     row::Row,
-    scenario::Scenario,
+    scenario::{Scenario, position, position_text},
 };
 
 /// What a user would otherwise take: the techniques that others are held against.
 const PEERS: [&str; 2] = ["stock", "lod"];
 
-/// Each technique against each peer at the same number of instances: the ratio of CPU seconds, and the errors of both beside
+/// Each technique against each peer at the same number of trees: the ratio of CPU seconds, and the errors of both beside
 /// it. Speed without error is not a result: where a side has no error the verdict says so. Nothing where no two can be held
 /// against each other.
 pub fn ratios(rows: &[&Row]) -> Option<String> {
     let is_peer = |row: &&&Row| PEERS.contains(&row.base_technique());
     let mut lines = vec![];
     for ours in rows.iter().filter(|row| !is_peer(row)) {
-        for peer in rows.iter().filter(is_peer).filter(|peer| peer.instances == ours.instances) {
+        for peer in rows.iter().filter(is_peer).filter(|peer| position(peer) == position(ours)) {
             lines.extend(ratio_line(ours, peer));
         }
     }
@@ -26,16 +26,16 @@ pub fn ratios(rows: &[&Row]) -> Option<String> {
         "technique",
         "against",
         "CPU-s",
-        "CPU-s",
+        "peer's",
         "ratio",
         "FLIP",
-        "FLIP",
+        "peer's",
         "block RMSE",
-        "block RMSE",
+        "peer's",
         "",
     ];
     (!lines.is_empty()).then(|| table(
-        "CPU seconds per frame and errors, each beside those of the technique it is held against (second figure)",
+        "CPU seconds per frame and errors, each beside that of its peer: the technique it is held against",
         &headings,
         &lines,
     ))
@@ -52,7 +52,7 @@ fn ratio_line(ours: &Row, peer: &Row) -> Option<Vec<Cell>> {
         format!("{:.1}× more", 1.0 / times)
     };
     Some(vec![
-        Cell::figure(count(ours.instances)),
+        Cell::figure(position_text(ours)),
         Cell::words(&*ours.technique),
         Cell::words(&*peer.technique),
         Cell::figure(figure(cost)),
@@ -125,7 +125,7 @@ pub fn figures(rows: &[&Row]) -> String {
     let headings: Vec<&str> =
         ["technique", "trees"].into_iter().chain(columns.iter().map(|c| c.0)).collect();
     let line = |row: &&Row| {
-        let names = [Cell::words(&*row.technique), Cell::figure(count(row.instances))];
+        let names = [Cell::words(&*row.technique), Cell::figure(position_text(row))];
         names.into_iter().chain(columns.iter().map(|column| Cell::figure(column.1(row)))).collect()
     };
     let lines: Vec<Vec<Cell>> = rows.iter().map(line).collect();
@@ -144,7 +144,7 @@ pub fn not_run(rows: &[Row]) -> Option<String> {
         .map(|row| {
             vec![
                 Cell::words(&*row.technique),
-                Cell::figure(count(row.instances)),
+                Cell::figure(position_text(row)),
                 Cell::words(Scenario::of(row).title()),
                 Cell::words(&*row.status),
             ]
