@@ -65,7 +65,7 @@ pub fn run(args: &BenchArgs, configuration: &Configuration, folder: &Path) -> To
 
     let mut flight =
         Flight { steps: args.warm_up + args.frames, stand: &mut stand, scene: &*scene };
-    let first = flight.next();
+    let first = flight.first();
     row.startup_s = Some((start.elapsed() - baking).as_secs_f64());
     let mut left = Plan { warm_up: args.warm_up.saturating_sub(1), frames: args.frames };
     let mut seconds = args.seconds - first.wall / 1e3;
@@ -139,6 +139,13 @@ struct Flight<'a> {
 }
 
 impl Flight<'_> {
+    /// The first frame that shows all.
+    fn first(&mut self) -> FrameTimes {
+        self.steps = self.steps.saturating_sub(1);
+        self.stand.go(self.scene.place(self.steps));
+        measure::complete_frame(&mut self.stand.app)
+    }
+
     /// Moves on and draws.
     fn next(&mut self) -> FrameTimes {
         self.steps = self.steps.saturating_sub(1);

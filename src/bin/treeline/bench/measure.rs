@@ -9,7 +9,7 @@ use bevy::{
     prelude::*,
     render::{
         Render, RenderApp, RenderSystems,
-        render_resource::PollType,
+        render_resource::{PipelineCache, PollType},
         renderer::{RenderDevice, RenderGraph, RenderGraphSystems},
     },
 };
@@ -94,6 +94,23 @@ pub fn frame(app: &mut App) -> FrameTimes {
     times.wall = ms_since(start);
     let blocked = marks.with(|m| Some(m.went_on?.duration_since(m.recorded?).as_secs_f64() * 1e3));
     times.render = (times.render - blocked.unwrap_or(0.0)).max(0.0);
+    times
+}
+
+/// Frames after which a picture is taken as complete, whatever is still missing.
+const PATIENCE: u32 = 30;
+
+/// Draws until a frame lacks no pipeline: shaders load in the background, and what needs them is not drawn until then.
+pub fn complete_frame(app: &mut App) -> FrameTimes {
+    let mut times = frame(app);
+    for _ in 1..PATIENCE {
+        let render = app.get_sub_app(RenderApp);
+        let cache = render.and_then(|render| render.world().get_resource::<PipelineCache>());
+        if cache.is_none_or(|cache| cache.waiting_pipelines().next().is_none()) {
+            break;
+        }
+        times = frame(app);
+    }
     times
 }
 

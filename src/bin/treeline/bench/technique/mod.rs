@@ -1,8 +1,11 @@
 //! What draws the trees: one file a technique. A new one is a file here and a line in [`BUILT_IN`].
 
+mod billboard;
+mod lod;
 mod meshlet;
 mod points;
 mod stock;
+mod thin;
 
 use super::{BenchArgs, row::Row, tree::Tree};
 use crate::options::{ToolError, ToolResult};
@@ -62,6 +65,11 @@ const BUILT_IN: &[Entry] = &[
         name: "stock",
         about: "Bevy: an entity a tree and material, full meshes",
         make: stock::make,
+    },
+    Entry {
+        name: "lod",
+        about: "Bevy with VisibilityRange: meshes thinned to 10 % and 2 %, then crossed billboards",
+        make: lod::make,
     },
     Entry {
         name: "meshlet",

@@ -55,7 +55,8 @@ pub fn thin_leaves(mesh: &Mesh, share: f32) -> Mesh {
     if kept.is_empty() {
         kept.extend(all.first());
     }
-    let mut middles: HashMap<u32, (Vec3, f32)> = kept.iter().map(|leaf| (*leaf, default())).collect();
+    let mut middles: HashMap<u32, (Vec3, f32)> =
+        kept.iter().map(|leaf| (*leaf, default())).collect();
     for (position, leaf) in positions.iter().zip(&leaf_of) {
         if let Some((sum, count)) = middles.get_mut(leaf) {
             *sum += Vec3::from_array(*position);
