@@ -11,7 +11,7 @@ pub const POINTS_PER_ITEM: u32 = 64;
 /// Threads of a selection workgroup.
 pub const SELECT_WORKGROUP: u32 = 256;
 /// Side of the square of pixels that resolve draws as one quad.
-pub const RESOLVE_BLOCK: u32 = 16;
+pub const RESOLVE_BLOCK: u32 = 8;
 
 gpu_types! {
     /// A baked tree in the surfel pool.

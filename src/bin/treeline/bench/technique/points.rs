@@ -3,11 +3,12 @@
 use super::{Technique, Work};
 use crate::{bench::row::Row, options::ToolResult, scene};
 use bevy::{
-    core_pipeline::prepass::{DepthPrepass, NormalPrepass},
+    core_pipeline::prepass::{DeferredPrepass, DepthPrepass, NormalPrepass},
+    pbr::DefaultOpaqueRendererMethod,
     prelude::*,
 };
 use bevy_treeline::{
-    CacheLocation, Forest, TreeInstance, TreelineCounters, TreelinePlugin, TreelineSettings,
+    CacheLocation, Forest, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin, TreelineSettings,
 };
 use std::{collections::BTreeMap, time::Instant};
 
@@ -20,6 +21,8 @@ struct Points {
     /// Trees near the camera are meshes.
     near_meshes: bool,
     msaa: bool,
+    /// Near meshes are shaded once a pixel.
+    deferred: bool,
     baked_points: u64,
     surfel_bytes: usize,
 }
@@ -33,7 +36,18 @@ struct Variant {
 /// All variants: `points+name`.
 const VARIANTS: &[Variant] = &[
     Variant { name: "nearmeshes-off", apply: |points| points.near_meshes = false },
+    Variant { name: "mesh12", apply: |points| points.settings.min_mesh_distance = 12.0 },
+    Variant { name: "mesh9", apply: |points| points.settings.min_mesh_distance = 9.0 },
+    Variant { name: "deferred", apply: |points| points.deferred = true },
     Variant { name: "msaa4", apply: |points| points.msaa = true },
+    Variant {
+        name: "occlusion-off",
+        apply: |points| points.settings.occlusion = Occlusion::Off,
+    },
+    Variant {
+        name: "occlusion-exact",
+        apply: |points| points.settings.occlusion = Occlusion::Exact,
+    },
 ];
 
 /// Their names.
@@ -44,7 +58,7 @@ pub fn variants() -> Vec<&'static str> {
 pub fn make(names: &[&str]) -> Result<Box<dyn Technique>, String> {
     let settings = TreelineSettings::default();
     let mut points =
-        Points { settings, near_meshes: true, msaa: false, baked_points: 0, surfel_bytes: 0 };
+        Points { settings, near_meshes: true, msaa: false, deferred: false, baked_points: 0, surfel_bytes: 0 };
     for name in names {
         let Some(variant) = VARIANTS.iter().find(|variant| variant.name == *name) else {
             return Err(format!("`{name}` is no variant of it"));
@@ -58,6 +72,9 @@ impl Technique for Points {
     fn build(&self, app: &mut App) {
         // Trees come from the benchmark, which keeps them in the tool's cache.
         app.add_plugins(TreelinePlugin { cache: CacheLocation::Off, ..default() });
+        if self.deferred {
+            app.insert_resource(DefaultOpaqueRendererMethod::deferred());
+        }
     }
 
     fn plant(&mut self, app: &mut App, work: &mut Work) -> ToolResult {
@@ -94,6 +111,9 @@ impl Technique for Points {
     fn set_up_camera(&self, camera: &mut EntityWorldMut) {
         let msaa = if self.msaa { Msaa::Sample4 } else { Msaa::Off };
         camera.insert((DepthPrepass, NormalPrepass, msaa, self.settings.clone()));
+        if self.deferred {
+            camera.remove::<NormalPrepass>().insert(DeferredPrepass);
+        }
     }
 
     fn read(&self, app: &App, camera: Entity, row: &mut Row) {
@@ -107,6 +127,7 @@ impl Technique for Points {
         row.culled_tiles = Some(counters.culled_tiles.into());
         row.culled_frustum = Some(counters.culled_frustum.into());
         row.culled_small = Some(counters.culled_small.into());
+        row.culled_occluded = Some(counters.culled_occluded.into());
         row.item_overflow = Some(counters.item_overflow.into());
         if counters.covered_pixels > 0 {
             row.overdraw = Some(f64::from(counters.points) / f64::from(counters.covered_pixels));
