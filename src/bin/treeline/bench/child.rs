@@ -1,7 +1,7 @@
 //! One configuration, measured: all that a process of its own does.
 
 use super::{
-    BenchArgs,
+    args::BenchArgs,
     measure::{self, FrameTimes},
     plan::Configuration,
     row::Row,
@@ -51,13 +51,16 @@ pub fn app(build: impl FnOnce(&mut App)) -> ToolResult<App> {
 pub fn run(args: &BenchArgs, configuration: &Configuration, folder: &Path) -> ToolResult {
     let start = Instant::now();
     let mut technique = technique::chosen(&configuration.technique)?;
-    let tree = Tree::load(&args.tree)?;
-    let scene = scenes::scene(args, configuration, &tree);
-    let mut app = app(|app| technique.build(app))?;
+    let tree = Tree::load(args.tree())?;
+    let mut scene = scenes::scene(args, configuration, &tree)?;
+    let mut app = app(|app| {
+        technique.build(app);
+        scene.build(app);
+    })?;
     let scenery = scene.set_up(app.world_mut());
     let mut row = Row::default();
     let mut work =
-        Work { args, tree: &tree, trees: scene.trees(), row: &mut row, baking: Duration::ZERO };
+        Work { args, tree: &tree, scene: &*scene, row: &mut row, baking: Duration::ZERO };
     technique.plant(&mut app, &mut work)?;
     let baking = work.baking;
     let mut stand = Stand::new(app, &*scene, scenery, args.size);

@@ -4,6 +4,7 @@
 //! peer did not run.
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 /// Version of the columns: raised when one changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
@@ -31,7 +32,7 @@ pub struct Row {
     pub species: String,
     /// `ok`, or why there are no figures.
     pub status: String,
-    /// Camera: `still` or `flying`.
+    /// Camera: `still`, `flying`, or of the scene `single` `still at 12.5`: the distance.
     pub camera: String,
     /// Runs of this configuration (each in a process of its own) and measured frames of each.
     pub runs: u32,
@@ -98,6 +99,31 @@ pub struct Row {
     pub bake_s: Option<f64>,
 }
 
+impl Row {
+    /// There are figures.
+    pub fn ran(&self) -> bool {
+        self.status == "ok"
+    }
+
+    /// The technique without its variant: `lod` of `lod+msaa4`.
+    pub fn base_technique(&self) -> &str {
+        self.technique.split('+').next().unwrap_or_default()
+    }
+
+    /// How far the one tree of the scene `single` is.
+    pub fn distance(&self) -> Option<f64> {
+        self.camera.split_once(" at ")?.1.parse().ok()
+    }
+
+    /// Each column by its name; absent ones are null.
+    pub fn columns(&self) -> Map<String, Value> {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(columns)) => columns,
+            other => unreachable!("a row of named fields is an object, not {other:?}"),
+        }
+    }
+}
+
 /// The machine that measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -120,4 +146,21 @@ pub struct Results {
     #[serde(default)]
     pub command: String,
     pub rows: Vec<Row>,
+}
+
+impl Results {
+    /// Commits and dates of the rows, each once, for people.
+    pub fn sources(&self) -> String {
+        let mut sources: Vec<String> = vec![];
+        for row in &self.rows {
+            let words = [("commit", &row.commit), ("date", &row.date)];
+            let known = words.iter().filter(|(_, text)| !text.is_empty());
+            let source =
+                known.map(|(name, text)| format!("{name} {text}")).collect::<Vec<_>>().join(", ");
+            if !source.is_empty() && !sources.contains(&source) {
+                sources.push(source);
+            }
+        }
+        if sources.is_empty() { "commit and date unknown".to_owned() } else { sources.join("; ") }
+    }
 }

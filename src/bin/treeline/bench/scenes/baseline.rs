@@ -93,8 +93,8 @@ impl BenchScene for Baseline {
         Scenery { ground: Some(ground), sky }
     }
 
-    fn trees(&self) -> &[Transform] {
-        &self.trees
+    fn trees(&self) -> Option<&[Transform]> {
+        Some(&self.trees)
     }
 
     fn place(&self, steps: u32) -> Transform {
