@@ -6,6 +6,7 @@ pub mod asset;
 pub mod bake;
 pub mod diagnostics;
 pub mod forest;
+pub mod governor;
 pub mod gpu;
 #[cfg(feature = "landscape")]
 pub mod landscape;
@@ -20,9 +21,10 @@ pub use asset::{CacheLocation, TreeAsset};
 pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
-    CullingView, DebugView, Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor,
-    TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
+    CullingView, DebugView, Forest, LodState, NearMeshes, Occlusion, QualityFactor, SplatPath,
+    SplatShape, TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
 };
+pub use governor::{GovernorBudget, QualityGovernor};
 pub use plugin::TreelinePlugin;
 pub use render::{TreelineCounters, ViewCounters};
 

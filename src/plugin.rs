@@ -5,6 +5,7 @@ use crate::{
     bake::{BakePlugin, BakeSettings},
     diagnostics::TreelineDiagnosticsPlugin,
     forest::{ForestPlugin, SplatPath},
+    governor::GovernorPlugin,
     render::TreelineRenderPlugin,
     shaders,
 };
@@ -34,6 +35,7 @@ impl Plugin for TreelinePlugin {
             BakePlugin { cache: self.cache.clone(), settings: self.bake.clone() },
             TreelineRenderPlugin { splat_path: self.splat_path },
             TreelineDiagnosticsPlugin,
+            GovernorPlugin,
         ));
     }
 }

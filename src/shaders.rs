@@ -35,18 +35,34 @@ shader_files! {
     LOD = "lib/lod.wgsl",
     /// Twin of `forest::TreeInstance`.
     INSTANCE = "lib/instance.wgsl",
+    /// Twin of `forest::select_instance`.
+    SELECTION = "lib/selection.wgsl",
+    /// Twin of `math::occlusion`.
+    OCCLUSION = "lib/occlusion.wgsl",
+    /// How the points of a work item come to the screen.
+    SPLAT_ITEM = "lib/splat_item.wgsl",
     /// Depth peeling.
     PEEL = "bake/peel.wgsl",
     /// Bindings of selection.
     SELECT_BINDINGS = "select/bindings.wgsl",
-    /// Culls instances and counts their points.
+    /// What is drawn of a tree.
+    CULLING = "select/culling.wgsl",
+    /// Culls blocks of instances.
+    CULL_BLOCKS = "select/cull_blocks.wgsl",
+    /// Lists the blocks whose trees are looked at.
+    LIST_BLOCKS = "select/list_blocks.wgsl",
+    /// Culls instances and counts their runs and items.
     CULL_INSTANCES = "select/cull_instances.wgsl",
-    /// Scans the items of blocks of instances.
+    /// Scans the runs and items of blocks of instances.
     SCAN_BLOCKS = "select/scan_blocks.wgsl",
-    /// Writes work items.
-    EMIT_ITEMS = "select/emit_items.wgsl",
+    /// Writes runs.
+    EMIT_RUNS = "select/emit_runs.wgsl",
+    /// Cuts runs into work items.
+    EXPAND_ITEMS = "select/expand_items.wgsl",
     /// Bindings of splatting.
     SPLAT_BINDINGS = "splat/bindings.wgsl",
+    /// Samples of groves.
+    GROVE = "splat/grove.wgsl",
     /// A point on the screen.
     PROJECT = "splat/project.wgsl",
     /// Clears the visibility buffer.
@@ -57,6 +73,10 @@ shader_files! {
     SPLAT_DEPTH = "splat/splat_depth.wgsl",
     /// Second pass of 32-bit splats.
     SPLAT_PAYLOAD = "splat/splat_payload.wgsl",
+    /// Finest level of the depth pyramid.
+    BUILD_PYRAMID = "pyramid/build_pyramid.wgsl",
+    /// Its other levels.
+    REDUCE_PYRAMID = "pyramid/reduce_pyramid.wgsl",
     /// Lists covered blocks.
     CLASSIFY = "resolve/classify.wgsl",
     /// Sizes the resolve draw.

@@ -47,7 +47,7 @@ const LAYERS: &[Layer] = &[
     // L1
     Layer { at: "gpu", may_name: &["math"], may_not: &[] },
     Layer { at: "gpu/mirror", may_name: &[], may_not: ENGINE },
-    Layer { at: "asset", may_name: &["math", "gpu::mirror"], may_not: RENDERER },
+    Layer { at: "asset", may_name: &["math", "lod", "gpu::mirror"], may_not: RENDERER },
     Layer { at: "species", may_name: &["math"], may_not: ENGINE },
     Layer { at: "shaders", may_name: &[], may_not: RENDERER },
     // L2
@@ -70,6 +70,8 @@ const LAYERS: &[Layer] = &[
     Layer { at: "landscape/streaming", may_name: &["forest"], may_not: RENDERER },
     // L3
     Layer { at: "render", may_name: &["math", "lod", "asset", "gpu", "shaders", "forest"], may_not: &[] },
+    // Reads the counters of views, which come from the render world.
+    Layer { at: "governor", may_name: &["lod", "forest", "render"], may_not: RENDERER },
     Layer { at: "diagnostics", may_name: &["forest", "render"], may_not: RENDERER },
     // What wires it all together.
     Layer { at: "plugin", may_name: ANY, may_not: &[] },
@@ -88,6 +90,7 @@ const STAGES: &[(&str, &[&str])] = &[(
         "view",
         "select",
         "splat",
+        "pyramid",
         "resolve",
         "shadow",
         "silhouette",

@@ -53,18 +53,62 @@ fn disc_radius(area: f32, n: f32) -> f32 {
     return sqrt(area / max(n, 1e-6) / PI);
 }
 
-fn overlap(radius: f32, leaf_area: f32, gain: f32, thickness: u32, is_one_sided: bool, spacing: f32) -> f32 {
-    // Twigs are one-sided and thinner than a splat: they get nothing.
-    var leaf = select(1.0 + gain, 1.0, is_one_sided);
-    if !is_one_sided && leaf_area > 0.0 {
+// What leaves grow by for their size alone.
+fn leaf_overlap(radius: f32, leaf_area: f32, gain: f32) -> f32 {
+    if leaf_area > 0.0 {
         let a = PI * radius * radius;
-        leaf = 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
+        return 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
     }
+    return 1.0 + gain;
+}
+
+// `half_inverse_spacing`: 1 / (2 spacing), constant in an item.
+fn overlap(leaf_overlap: f32, thickness: u32, is_one_sided: bool, half_inverse_spacing: f32) -> f32 {
+    // Twigs are one-sided and thinner than a splat: they get nothing.
+    let leaf = select(leaf_overlap, 1.0, is_one_sided);
     // TRUSTED_THICKNESS: 1, 3, 8, 24 pixels, or 0, 0, 0, 6.
     var trusted = select(0.0, 6.0, thickness == 3u);
     if is_one_sided {
         trusted = select(select(1.0, 3.0, thickness == 1u), select(8.0, 24.0, thickness == 3u), thickness >= 2u);
     }
-    let closed = clamp(trusted / (2.0 * spacing) - 1.0, 0.0, 1.0);
+    let closed = clamp(trusted * half_inverse_spacing - 1.0, 0.0, 1.0);
     return leaf + (CLOSED_OVERLAP - leaf) * closed;
+}
+
+// Clusters. CPU twin: src/lod/clusters.rs, where the constants are explained.
+const LEVEL_POINTS: vec2<u32> = vec2<u32>(256u, 2048u);
+const LIST_POINTS: vec2<u32> = vec2<u32>(2048u, 16384u);
+
+// The level that a draw of `count` points is taken from.
+fn level_of(count: u32, level_count: u32) -> u32 {
+    var level = 0u;
+    if count > LEVEL_POINTS.x {
+        level = 1u;
+    }
+    if count > LEVEL_POINTS.y {
+        level = 2u;
+    }
+    return min(level, level_count - 1u);
+}
+
+// Place of a level's first cluster among those of a species, and how many it has.
+fn level_clusters(level: u32) -> vec2<u32> {
+    if level == 0u {
+        return vec2(0u, 1u);
+    }
+    return select(vec2(9u, 32u), vec2(1u, 8u), level == 1u);
+}
+
+// Points in all lists of a level.
+fn list_points(level: u32, level_count: u32, n0: u32) -> u32 {
+    if level + 1u == level_count {
+        return n0;
+    }
+    return min(n0, select(LIST_POINTS.y, LIST_POINTS.x, level == 0u));
+}
+
+// Points that a draw of `count` takes from a cluster of `size`, of `all` in its level.
+fn cluster_points(count: u32, size: u32, all: u32) -> u32 {
+    let share = f32(size) / f32(all);
+    return min(u32(f32(count) * share + 0.5), size);
 }

@@ -20,13 +20,18 @@ fn encode(direction: vec3<f32>) -> vec2<f32> {
     return (1.0 - abs(p.yx)) * sign_not_zero(p.xy);
 }
 
-// The unit vector of a point of the square [-1, 1]²: the inverse of encode.
-fn decode(e: vec2<f32>) -> vec3<f32> {
+// The direction of a point of the square [-1, 1]², of any length.
+fn decode_direction(e: vec2<f32>) -> vec3<f32> {
     var v = vec3<f32>(e, 1.0 - abs(e.x) - abs(e.y));
     let fold = max(-v.z, 0.0);
     v.x += select(fold, -fold, v.x >= 0.0);
     v.y += select(fold, -fold, v.y >= 0.0);
-    return normalize(v);
+    return v;
+}
+
+// The unit vector of a point of the square [-1, 1]²: the inverse of encode.
+fn decode(e: vec2<f32>) -> vec3<f32> {
+    return normalize(decode_direction(e));
 }
 
 // Steps from -1 to 0 of a number of `bits` bits. The grid has an even number of steps, so 0 (and every axis) is exact.
@@ -43,6 +48,11 @@ fn encode_bits(direction: vec3<f32>, x_bits: u32, y_bits: u32) -> vec2<u32> {
 
 // The inverse of encode_bits.
 fn decode_bits(q: vec2<u32>, x_bits: u32, y_bits: u32) -> vec3<f32> {
+    return normalize(decode_direction_bits(q, x_bits, y_bits));
+}
+
+// The same, of any length.
+fn decode_direction_bits(q: vec2<u32>, x_bits: u32, y_bits: u32) -> vec3<f32> {
     let steps = vec2<f32>(half_steps(x_bits), half_steps(y_bits));
-    return decode(clamp(vec2<f32>(q) / steps - 1.0, vec2<f32>(-1.0), vec2<f32>(1.0)));
+    return decode_direction(clamp(vec2<f32>(q) / steps - 1.0, vec2<f32>(-1.0), vec2<f32>(1.0)));
 }

@@ -27,6 +27,12 @@ fn surfel_face_normal(position_z_face: u32) -> vec3<f32> {
     return octahedral::decode_bits(q, 8u, 7u);
 }
 
+// Hot half: the same, not normalised.
+fn surfel_face_direction(position_z_face: u32) -> vec3<f32> {
+    let q = vec2<u32>((position_z_face >> 16u) & 255u, (position_z_face >> 24u) & 127u);
+    return octahedral::decode_direction_bits(q, 8u, 7u);
+}
+
 // Hot half: true if the point is seen from the front of its face only.
 fn surfel_is_one_sided(position_z_face: u32) -> bool {
     return (position_z_face >> 31u) != 0u;

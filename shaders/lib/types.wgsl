@@ -22,6 +22,16 @@ struct Species {
     surface_area: f32,
     mean_leaf_area: f32,
     sample_share: f32,
+    first_cluster: u32,
+    level_count: u32,
+    pad: vec2<u32>,
+}
+
+struct Cluster {
+    lo: vec3<f32>,
+    first_point: u32,
+    extent: vec3<f32>,
+    count: u32,
 }
 
 struct TreeInstance {
@@ -32,15 +42,33 @@ struct TreeInstance {
     species_seed_flags: u32,
 }
 
-struct ViewBlock {
+struct InstanceBlock {
+    lo: vec3<f32>,
     first_instance: u32,
-    count: u32,
+    extent: vec3<f32>,
+    counts: u32,
     fade_begin: f32,
     fade_end: f32,
+    first_sample: u32,
+    complete_below: f32,
+    top: f32,
+    pad: array<u32, 3>,
+    marks: array<u32, 16>,
 }
 
-struct InstanceDraw {
-    count: u32,
+struct ViewBlock {
+    block: u32,
+    state: u32,
+    runs: u32,
+    items: u32,
+    listed: u32,
+}
+
+struct Run {
+    first_item: u32,
+    instance: u32,
+    first_point: u32,
+    points: u32,
     radius: f32,
 }
 
@@ -49,6 +77,18 @@ struct WorkItem {
     first_point: u32,
     count: u32,
     radius: f32,
+}
+
+struct SplatItem {
+    row_x: vec4<f32>,
+    row_y: vec4<f32>,
+    row_z: vec4<f32>,
+    inverse_step: vec3<f32>,
+    first_point: u32,
+    area: f32,
+    leaf_overlap: f32,
+    half_inverse_spacing: f32,
+    count_flags: u32,
 }
 
 struct SelectSettings {
@@ -68,13 +108,19 @@ struct SelectSettings {
     culling_frozen: u32,
     culling_planes: mat4x4<f32>,
     culling_eye: vec3<f32>,
-    pad: u32,
+    phase: u32,
+    previous_clip_from_world: mat4x4<f32>,
+    occlusion: u32,
+    previous_valid: u32,
+    pyramid_previous: u32,
+    pyramid_current: u32,
 }
 
 struct Counters {
     instances_seen: atomic<u32>,
     culled_frustum: atomic<u32>,
     culled_small: atomic<u32>,
+    culled_occluded: atomic<u32>,
     as_mesh: atomic<u32>,
     in_fade: atomic<u32>,
     points: atomic<u32>,
@@ -82,11 +128,18 @@ struct Counters {
     item_overflow: atomic<u32>,
     covered_blocks: atomic<u32>,
     covered_pixels: atomic<u32>,
-    pad: array<u32, 2>,
+    groves: atomic<u32>,
+    phase_items: atomic<u32>,
+    phase_runs: atomic<u32>,
+    second_points: atomic<u32>,
 }
 
 struct IndirectArgs {
-    splat: vec3<u32>,
+    cull: vec3<u32>,
     pad: u32,
+    expand: vec3<u32>,
+    pad_expand: u32,
+    splat: vec3<u32>,
+    pad_splat: u32,
     resolve: vec4<u32>,
 }

@@ -3,13 +3,12 @@
 
 #import bevy_pbr::mesh_view_bindings::view
 #import bevy_treeline::hash::unit_from_bits
-#import bevy_treeline::instance::{has_mesh, rotate, rotation_of, seed_of, species_of, tint_of}
-#import bevy_treeline::lod::{PI, d_zero, fade_band, fade_state}
+#import bevy_treeline::instance::{has_mesh, rotate, rotation_of, seed_of, tint_of}
+#import bevy_treeline::lod::{PI, d_zero, fade_band, fade_state, prefix_count}
 #import bevy_treeline::surfel::{surfel_albedo, surfel_ambient_visibility}
 #import bevy_treeline::types::{SelectSettings, Species, SurfelCold, TreeInstance, WorkItem}
 
-@group(2) @binding(6) var<storage, read> species: array<Species>;
-@group(2) @binding(7) var<uniform> settings: SelectSettings;
+@group(2) @binding(8) var<uniform> settings: SelectSettings;
 
 // forest::DebugView.
 const POINTS_AND_TRIANGLES: u32 = 1u;
@@ -26,11 +25,15 @@ fn heat(value: f32) -> vec3<f32> {
     return clamp(vec3(t - 2.0, min(t, 4.0 - t), 2.0 - t), vec3(0.0), vec3(1.0));
 }
 
-fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, cold: SurfelCold, normal: vec3<f32>, world_position: vec3<f32>) -> vec3<f32> {
-    let tree = species[species_of(instance)];
-    // The area that a point stands for, world units².
-    let area = PI * item.radius * item.radius;
+fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species, cold: SurfelCold, normal: vec3<f32>, world_position: vec3<f32>) -> vec3<f32> {
     let orthographic = settings.orthographic != 0u;
+    // The area that a point stands for, world units². Items of groves hold many trees, and no radius.
+    var area = PI * item.radius * item.radius;
+    if item.radius == 0.0 {
+        let d = select(distance(world_position, view.world_position), 1.0, orthographic);
+        let n = prefix_count(f32(tree.point_count), tree.pixel * instance.scale, settings.pixels_per_unit, d, settings.quality);
+        area = tree.surface_area * instance.scale * instance.scale / n;
+    }
     switch kind {
         case POINTS_AND_TRIANGLES: {
             return vec3(1.0, 0.0, 0.0);

@@ -9,9 +9,9 @@
 #ifdef TREELINE_DEBUG_VIEW
 #import bevy_treeline::debug_view::debug_color
 #endif
-#import bevy_treeline::instance::{rotate, rotation_of, tint_of}
+#import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
-#import bevy_treeline::types::{SurfelCold, SurfelHot, TreeInstance, WorkItem}
+#import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
 @group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
 @group(2) @binding(1) var<storage, read> items: array<WorkItem>;
@@ -20,6 +20,12 @@
 // Read as two words, so that this stage needs no 64-bit support: payload, depth bits.
 @group(2) @binding(4) var<storage, read> visibility: array<vec2<u32>>;
 @group(2) @binding(5) var<storage, read> blocks: array<u32>;
+@group(2) @binding(6) var<storage, read> species: array<Species>;
+// Samples of groves: rank of the point | place of the tree in its block << 24.
+@group(2) @binding(7) var<storage, read> samples: array<u32>;
+
+// Bit of WorkItem.count: samples of a grove instead of points of a tree.
+const OF_GROVE: u32 = 0x80000000u;
 
 @vertex
 fn resolve_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) quad: u32) -> @builtin(position) vec4<f32> {
@@ -76,8 +82,14 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
         discard;
     }
     let item = items[(texel.x - 1u) >> 6u];
-    let point = item.first_point + ((texel.x - 1u) & 63u);
-    let instance = instances[item.instance];
+    var point = item.first_point + ((texel.x - 1u) & 63u);
+    var instance_index = item.instance;
+    if (item.count & OF_GROVE) != 0u {
+        let sample = samples[point];
+        instance_index += sample >> 24u;
+        point = species[species_of(instances[instance_index])].first_point + (sample & 0xffffffu);
+    }
+    let instance = instances[instance_index];
     let cold = surfels_cold[point];
     let rotation = rotation_of(instance);
     let depth = bitcast<f32>(texel.y);
@@ -125,7 +137,7 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
     out.depth = depth;
 #ifdef TREELINE_DEBUG_VIEW
     let shading_normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-    out.color = vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, cold, shading_normal, pbr.world_position.xyz), 1.0);
+    out.color = vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, species[species_of(instance)], cold, shading_normal, pbr.world_position.xyz), 1.0);
 #endif
     return out;
 }

@@ -1,43 +1,58 @@
-// Turns the items of each block of instances into the index of its first item, and sizes the splat dispatch.
+// Turns the runs and items of each block into the indices of its first, writes the runs of groves, and sizes the
+// dispatches that follow.
 //
-// One workgroup: each thread sums a run of blocks, the runs are scanned, each thread writes its run.
+// One workgroup: each thread sums a run of blocks, the sums are scanned, each thread writes its blocks.
 // O(blocks / 256 + 256). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{WORKGROUP, block_items, counters, settings}
-#import bevy_treeline::types::IndirectArgs
+#import bevy_treeline::select_bindings::{GROVE, OF_GROVE, POINTS_PER_ITEM, WORKGROUP, counters, grid, instance_blocks, settings, view_blocks}
+#import bevy_treeline::types::{IndirectArgs, Run}
 
 // Apart from the other bindings: a buffer cannot be storage and source of indirect arguments in one dispatch.
 @group(1) @binding(0) var<storage, read_write> args: IndirectArgs;
+@group(1) @binding(1) var<storage, read_write> runs: array<Run>;
 
-var<workgroup> run_items: array<u32, #{SELECT_WORKGROUP}>;
+var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
+var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
     let blocks = settings.block_count;
-    let run = (blocks + WORKGROUP - 1u) / WORKGROUP;
-    let begin = min(lane * run, blocks);
-    let end = min(begin + run, blocks);
-    var sum = 0u;
+    let own = (blocks + WORKGROUP - 1u) / WORKGROUP;
+    let begin = min(lane * own, blocks);
+    let end = min(begin + own, blocks);
+    var sum = vec2(0u);
     for (var i = begin; i < end; i++) {
-        sum += block_items[i];
+        sum += vec2(view_blocks[i].runs, view_blocks[i].items);
     }
-    run_items[lane] = sum;
+    lane_runs[lane] = sum.x;
+    lane_items[lane] = sum.y;
     workgroupBarrier();
-    var first = 0u;
+    var first = vec2(0u);
     for (var i = 0u; i < lane; i++) {
-        first += run_items[i];
+        first += vec2(lane_runs[i], lane_items[i]);
     }
     for (var i = begin; i < end; i++) {
-        let count = block_items[i];
-        block_items[i] = first;
+        let count = vec2(view_blocks[i].runs, view_blocks[i].items);
+        view_blocks[i].runs = first.x;
+        view_blocks[i].items = first.y;
+        let state = view_blocks[i].state;
+        if (state & GROVE) != 0u && first.x < settings.item_capacity {
+            let block = view_blocks[i].block;
+            runs[first.x] = Run(first.y, block, instance_blocks[block].first_sample, (state >> 8u) | OF_GROVE, 0.0);
+        }
         first += count;
     }
     if lane != WORKGROUP - 1u {
         return;
     }
-    let fitting = min(first, settings.item_capacity);
-    atomicStore(&counters.items, fitting);
-    atomicStore(&counters.item_overflow, first - fitting);
-    let rows = max((fitting + 65534u) / 65535u, 1u);
-    args.splat = vec3((fitting + rows - 1u) / rows, rows, 1u);
+    // The second phase fills the list of items from its end: what the first has left.
+    let room = settings.item_capacity - select(0u, atomicLoad(&counters.items), settings.phase == 1u);
+    let fitting = min(first.y, room);
+    atomicStore(&counters.phase_items, fitting);
+    // Every run has an item, so runs that do not fit have none that does.
+    atomicStore(&counters.phase_runs, min(first.x, settings.item_capacity));
+    atomicAdd(&counters.items, fitting);
+    atomicAdd(&counters.item_overflow, first.y - fitting);
+    args.expand = grid((fitting + POINTS_PER_ITEM - 1u) / POINTS_PER_ITEM);
+    args.splat = grid(fitting);
     args.resolve = vec4(6u, 0u, 0u, 0u);
 }

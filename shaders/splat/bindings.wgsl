@@ -2,17 +2,27 @@
 #define_import_path bevy_treeline::splat_bindings
 
 #import bevy_render::view::View
-#import bevy_treeline::types::{Counters, SelectSettings, Species, SurfelHot, TreeInstance, WorkItem}
+#import bevy_treeline::types::{Counters, InstanceBlock, SelectSettings, Species, SplatItem, SurfelHot, TreeInstance}
 
 @group(0) @binding(0) var<uniform> view: View;
+// Of this phase.
 @group(0) @binding(1) var<uniform> settings: SelectSettings;
 @group(0) @binding(2) var<storage, read> species: array<Species>;
 @group(0) @binding(3) var<storage, read> instances: array<TreeInstance>;
-@group(0) @binding(4) var<storage, read> items: array<WorkItem>;
-@group(0) @binding(5) var<storage, read> surfels_hot: array<SurfelHot>;
-@group(0) @binding(6) var<storage, read_write> counters: Counters;
+@group(0) @binding(4) var<storage, read> instance_blocks: array<InstanceBlock>;
+@group(0) @binding(5) var<storage, read> splat_items: array<SplatItem>;
+@group(0) @binding(6) var<storage, read> surfels_hot: array<SurfelHot>;
+// Samples of groves: rank of the point | place of the tree in its block << 24.
+@group(0) @binding(7) var<storage, read> samples: array<u32>;
+@group(0) @binding(8) var<storage, read_write> counters: Counters;
 
 // Payload of the visibility buffer: 0 is "no point", else item << 6 | lane, plus 1.
 fn payload_of(item: u32, lane: u32) -> u32 {
     return ((item << 6u) | lane) + 1u;
+}
+
+// The item of a workgroup, by its number in this phase. It does not depend on what other passes wrote, so that the
+// compiler knows: the whole workgroup has one, and reads it once.
+fn item_index(place: u32) -> u32 {
+    return select(place, settings.item_capacity - 1u - place, settings.phase == 1u);
 }

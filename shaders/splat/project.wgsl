@@ -2,16 +2,15 @@
 // pixels it may touch.
 #define_import_path bevy_treeline::project
 
-#import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
+#import bevy_treeline::grove::grove_item
 #import bevy_treeline::lod::{PI, overlap}
-#import bevy_treeline::splat_bindings::{instances, items, settings, species, surfels_hot, view}
-#import bevy_treeline::surfel::{surfel_face_normal, surfel_is_one_sided, surfel_position, surfel_thickness}
+#import bevy_treeline::splat_bindings::{settings, splat_items, surfels_hot, view}
+#import bevy_treeline::splat_item::{AS_DISCS, COUNT, DISCS, GROVE_ITEM}
+#import bevy_treeline::surfel::{surfel_face_direction, surfel_is_one_sided, surfel_thickness}
+#import bevy_treeline::types::SplatItem
 
 // Below this cosine between view and normal a splat is a line, and its plane no use.
-const EDGE_ON: f32 = 0.02;
-// `SelectSettings.splat_shape`.
-const CELLS: u32 = 0u;
-const DISCS: u32 = 1u;
+const EDGE_ON: f32 = 0.015;
 
 struct Splat {
     // False: nothing to draw.
@@ -21,122 +20,144 @@ struct Splat {
     // Pixels begin..end (end excluded), in the viewport.
     begin: vec2<i32>,
     end: vec2<i32>,
-    // View space: centre, unit normal, and their product; world units.
-    center: vec3<f32>,
-    normal: vec3<f32>,
-    plane: f32,
-    // View space: the sides of an LDI pixel. Both 0: the splat is a disc in its own plane.
-    right: vec3<f32>,
-    up: vec3<f32>,
-    // Half the side of a cell, or the squared radius of a disc.
+    // Where the ray through a pixel meets the plane of the splat: `across_u / across` and `across_v / across` from the
+    // centre, each linear in the pixel: (d/dx, d/dy, at pixel 0, 0).
+    across_u: vec3<f32>,
+    across_v: vec3<f32>,
+    across: vec3<f32>,
+    // Half the side of a cell, or the radius of a disc.
     size: f32,
-    // Pixel of the centre, and world units per pixel there.
-    pixel: vec2<f32>,
-    unit: f32,
+    is_disc: bool,
 }
 
-fn project(item_index: u32, lane: u32) -> Splat {
-    var splat: Splat;
-    splat.visible = false;
-    let item = items[item_index];
-    if lane >= item.count {
-        return splat;
-    }
-    let instance = instances[item.instance];
-    let kind = species[species_of(instance)];
-    let surfel = surfels_hot[item.first_point + lane];
-    let model = surfel_position(surfel.position_xy, surfel.position_z_face, kind.lo, kind.extent);
-    let face = surfel_face_normal(surfel.position_z_face);
-    // One matrix for everything: rotations are the same for all points of an item, but a lane has no one to ask.
-    let view_from_model = mat3x3<f32>(view.view_from_world[0].xyz, view.view_from_world[1].xyz, view.view_from_world[2].xyz) * matrix_of(rotation_of(instance));
-    let foot = view.view_from_world * vec4(instance.position, 1.0);
-    splat.center = foot.xyz + view_from_model * (model * instance.scale);
-    splat.normal = view_from_model * face;
-    splat.plane = dot(splat.normal, splat.center);
+fn nothing() -> Splat {
+    return Splat(false, 0u, vec2(0), vec2(0), vec3(0.0), vec3(0.0), vec3(0.0), 0.0, false);
+}
 
-    let clip = view.clip_from_view * vec4(splat.center, 1.0);
+// A number that is `origin` at the pixel `at` and grows by `slope` a pixel.
+fn linear_form(slope: vec2<f32>, origin: f32, at: vec2<f32>) -> vec3<f32> {
+    return vec3(slope, origin - dot(slope, at));
+}
+
+fn project(index: u32, lane: u32) -> Splat {
+    // One index for the whole workgroup.
+    var item = splat_items[index];
+    if lane >= (item.count_flags & COUNT) {
+        return nothing();
+    }
+    var point = item.first_point + lane;
+    if (item.count_flags & GROVE_ITEM) != 0u {
+        item = grove_item(item, lane);
+        if (item.count_flags & COUNT) == 0u {
+            return nothing();
+        }
+        point = item.first_point;
+    }
+    return project_point(item, point);
+}
+
+fn project_point(item: SplatItem, point: u32) -> Splat {
+    var splat = nothing();
+    let surfel = surfels_hot[point];
+    let grid = vec4(f32(surfel.position_xy & 0xffffu), f32(surfel.position_xy >> 16u), f32(surfel.position_z_face & 0x3fffu), 1.0);
+    let center = vec3(dot(item.row_x, grid), dot(item.row_y, grid), dot(item.row_z, grid));
+    let clip = view.clip_from_view * vec4(center, 1.0);
     // In front of the near plane: reversed z puts it at depth 1.
     if clip.w <= 0.0 || clip.z > clip.w {
         return splat;
     }
+    // Not of length 1: nothing here depends on it but the limit of EDGE_ON.
+    let face = surfel_face_direction(surfel.position_z_face);
+    let along = face * item.inverse_step;
+    let normal = vec3(dot(item.row_x.xyz, along), dot(item.row_y.xyz, along), dot(item.row_z.xyz, along));
+    let plane = dot(normal, center);
     let orthographic = settings.orthographic != 0u;
     // Cosine between normal and view, times the distance.
-    let toward = select(-splat.plane, splat.normal.z, orthographic);
-    let away = select(length(splat.center), 1.0, orthographic);
+    let toward = select(-plane, normal.z, orthographic);
+    let away = select(length(center), 1.0, orthographic);
     let one_sided = surfel_is_one_sided(surfel.position_z_face);
     if abs(toward) < EDGE_ON * away || (toward < 0.0 && one_sided) {
         return splat;
     }
     let ndc = clip.xyz / clip.w;
-    splat.pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(settings.size);
-    splat.unit = clip.w / settings.pixels_per_unit;
+    let pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(settings.size);
+    // World units a pixel there.
+    let unit = clip.w / settings.pixels_per_unit;
     splat.depth = bitcast<u32>(ndc.z);
 
-    let leaf_area = kind.mean_leaf_area * instance.scale * instance.scale;
-    let shape = select(settings.splat_shape, DISCS, settings.splat_shape == CELLS && kind.sample_share == 0.0);
-    // Mean distance of drawn points in LDI pixels: sqrt(N0 / N), from what each stands for.
-    let pixel = kind.pixel * instance.scale;
-    let spacing = item.radius / pixel * sqrt(PI * max(kind.sample_share, 0.6));
-    let grown = overlap(item.radius, leaf_area, settings.overlap_gain, surfel_thickness(surfel.position_z_face), one_sided, spacing);
-    // Area of the splat; of a cell, as seen along the peeling direction.
-    var area = PI * item.radius * item.radius * grown;
+    let area = item.area * overlap(item.leaf_overlap, surfel_thickness(surfel.position_z_face), one_sided, item.half_inverse_spacing);
+    var right: vec3<f32>;
+    var up: vec3<f32>;
     // How far the splat reaches from its centre, view space.
-    var extent = vec3(sqrt(area / PI));
-    if shape == CELLS {
-        // A point stands for what an LDI pixel hits: the piece of the surface that is a square as seen along the
-        // peeling direction, which is the one its face is most parallel to. On a slanted face it is longer that way.
-        let steep = abs(face);
-        var axis = view_from_model[2];
-        splat.right = view_from_model[0];
-        splat.up = view_from_model[1];
-        if steep.x >= steep.y && steep.x >= steep.z {
-            axis = view_from_model[0];
-            splat.right = view_from_model[2];
-        } else if steep.y >= steep.z {
-            axis = view_from_model[1];
-            splat.up = view_from_model[2];
-        }
-        area *= kind.sample_share;
-        splat.size = 0.5 * sqrt(area);
-        // The sides of the square, moved along the peeling direction into the surface.
-        let slope = axis / dot(splat.normal, axis);
-        let along_right = splat.right - slope * dot(splat.normal, splat.right);
-        let along_up = splat.up - slope * dot(splat.normal, splat.up);
-        extent = splat.size * (abs(along_right) + abs(along_up));
-    } else if shape == DISCS {
-        splat.size = area / PI;
-    } else {
+    var extent: vec3<f32>;
+    if settings.splat_shape > DISCS {
         extent = vec3(0.5 * sqrt(area), 0.5 * sqrt(area), 0.0);
+        splat.across.z = 1.0;
+    } else {
+        if (item.count_flags & AS_DISCS) != 0u {
+            splat.is_disc = true;
+            splat.size = sqrt(area / PI);
+            let unit_normal = normalize(normal);
+            right = normalize(select(vec3(unit_normal.y, -unit_normal.x, 0.0), vec3(0.0, unit_normal.z, -unit_normal.y), abs(unit_normal.z) > 0.7));
+            up = cross(unit_normal, right);
+            extent = vec3(splat.size);
+        } else {
+            // A point stands for what an LDI pixel hits: the piece of the surface that is a square as seen along the
+            // peeling direction, which is the one its face is most parallel to. On a slanted face it is longer that way.
+            let axes = mat3x3<f32>(
+                vec3(item.row_x.x, item.row_y.x, item.row_z.x) * item.inverse_step.x,
+                vec3(item.row_x.y, item.row_y.y, item.row_z.y) * item.inverse_step.y,
+                vec3(item.row_x.z, item.row_y.z, item.row_z.z) * item.inverse_step.z,
+            );
+            let steep = abs(face);
+            var axis = axes[2];
+            right = axes[0];
+            up = axes[1];
+            if steep.x >= steep.y && steep.x >= steep.z {
+                axis = axes[0];
+                right = axes[2];
+            } else if steep.y >= steep.z {
+                axis = axes[1];
+                up = axes[2];
+            }
+            splat.size = 0.5 * sqrt(area);
+            // The sides of the square, moved along the peeling direction into the surface.
+            let slope = axis / dot(normal, axis);
+            extent = splat.size * (abs(right - slope * dot(normal, right)) + abs(up - slope * dot(normal, up)));
+        }
+        // The ray through the pixel (dx, dy) away from the centre's meets the plane of the splat at D from the centre.
+        // In perspective dot(D, right) = (dx a + dy b) / (plane + dx c + dy d); in parallel views the divisor is constant.
+        let step = vec2(unit, -unit);
+        if orthographic {
+            splat.across_u = linear_form(step * (right.xy * normal.z - right.z * normal.xy), 0.0, pixel);
+            splat.across_v = linear_form(step * (up.xy * normal.z - up.z * normal.xy), 0.0, pixel);
+            splat.across.z = normal.z;
+        } else {
+            splat.across_u = linear_form(step * (plane * right.xy - dot(center, right) * normal.xy), 0.0, pixel);
+            splat.across_v = linear_form(step * (plane * up.xy - dot(center, up) * normal.xy), 0.0, pixel);
+            splat.across = linear_form(step * normal.xy, plane, pixel);
+        }
     }
-    var reach = extent.xy / splat.unit;
+    var reach = extent.xy / unit;
     if !orthographic {
         // What is nearer than the centre looks larger, and away from the axis it moves outwards, too.
-        let nearest = max(-splat.center.z - extent.z, 0.1 * -splat.center.z);
-        reach = (extent.xy + abs(splat.center.xy / splat.center.z) * extent.z) / splat.unit * (-splat.center.z / nearest);
+        let nearest = max(-center.z - extent.z, 0.1 * -center.z);
+        reach = (extent.xy + abs(center.xy / center.z) * extent.z) / unit * (-center.z / nearest);
     }
-    splat.begin = max(vec2<i32>(ceil(splat.pixel - reach - 0.5)), vec2(0));
-    splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), vec2<i32>(settings.size));
+    splat.begin = max(vec2<i32>(ceil(pixel - reach - 0.5)), vec2(0));
+    splat.end = min(vec2<i32>(ceil(pixel + reach - 0.5)), vec2<i32>(settings.size));
     splat.visible = all(splat.begin < splat.end);
     return splat;
 }
 
 // Whether the ray through the centre of a pixel meets the splat.
 fn covers(splat: Splat, at: vec2<i32>) -> bool {
-    if settings.splat_shape > DISCS {
-        return true;
+    let here = vec3(vec2<f32>(at) + 0.5, 1.0);
+    let u = dot(splat.across_u, here);
+    let v = dot(splat.across_v, here);
+    let limit = splat.size * abs(dot(splat.across, here));
+    if splat.is_disc {
+        return u * u + v * v <= limit * limit;
     }
-    let offset = (vec2<f32>(at) + 0.5 - splat.pixel) * vec2(splat.unit, -splat.unit);
-    let on_plane = vec3(splat.center.xy + offset, splat.center.z);
-    var d: vec3<f32>;
-    if settings.orthographic != 0u {
-        let along = dot(splat.normal, on_plane - splat.center) / splat.normal.z;
-        d = vec3(offset, -along);
-    } else {
-        d = on_plane * (splat.plane / dot(splat.normal, on_plane)) - splat.center;
-    }
-    let across = max(abs(dot(d, splat.right)), abs(dot(d, splat.up)));
-    if dot(splat.right, splat.right) > 0.0 {
-        return across <= splat.size;
-    }
-    return dot(d, d) <= splat.size;
+    return max(abs(u), abs(v)) <= limit;
 }

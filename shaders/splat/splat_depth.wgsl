@@ -2,17 +2,18 @@
 //
 // One workgroup per work item, one thread per point. `splat_payload` follows.
 #import bevy_treeline::project::{covers, project}
-#import bevy_treeline::splat_bindings::{counters, settings}
+#import bevy_treeline::splat_bindings::{counters, item_index, settings}
 
 // As the 64-bit buffer lies in memory: payload, depth bits, payload, …
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u32>>;
 
 @compute @workgroup_size(#{POINTS_PER_ITEM})
 fn splat_depth(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let item = group.y * groups.x + group.x;
-    if item >= atomicLoad(&counters.items) {
+    let place = group.y * groups.x + group.x;
+    if place >= atomicLoad(&counters.phase_items) {
         return;
     }
+    let item = item_index(place);
     let splat = project(item, lane);
     if !splat.visible {
         return;

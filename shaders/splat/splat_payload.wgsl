@@ -3,16 +3,17 @@
 // Of several at the same depth the largest payload wins, as with one 64-bit maximum, so both paths give one picture.
 // A point exactly as deep as a prepass mesh replaces it only here; the 64-bit path does the same (payload 0 loses).
 #import bevy_treeline::project::{covers, project}
-#import bevy_treeline::splat_bindings::{counters, payload_of, settings}
+#import bevy_treeline::splat_bindings::{counters, item_index, payload_of, settings}
 
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u32>>;
 
 @compute @workgroup_size(#{POINTS_PER_ITEM})
 fn splat_payload(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let item = group.y * groups.x + group.x;
-    if item >= atomicLoad(&counters.items) {
+    let place = group.y * groups.x + group.x;
+    if place >= atomicLoad(&counters.phase_items) {
         return;
     }
+    let item = item_index(place);
     let splat = project(item, lane);
     if !splat.visible {
         return;

@@ -5,6 +5,7 @@
 //! ([`SurfelHot`] and [`SurfelCold`]); whatever a file holds, reading it ends in a tree or in an error.
 
 mod cache;
+mod clusters;
 mod file;
 pub mod format;
 mod format_error;
@@ -12,11 +13,12 @@ mod lanes;
 mod sections;
 mod surfel;
 #[cfg(test)]
-mod synthetic;
+pub(crate) mod synthetic;
 mod tree_asset;
 mod tree_data;
 
 pub use cache::{BAKE_VERSION, BakeCache, CACHE_DIR_VARIABLE, CacheKey, CacheLocation};
+pub use clusters::{Cluster, TreeClusters};
 pub use file::{FileError, read_treeline, write_treeline};
 pub use format_error::{FilePart, FormatError, SectionId, SectionProblem};
 #[doc(hidden)]

@@ -76,6 +76,18 @@ const LIGHT_FLOOR: f32 = 0.2;
 /// Growth of [`light_factor`] with visibility.
 const LIGHT_GAIN: f32 = 1.05;
 
+impl SurfelHot {
+    /// In model space; `bounds` is the model's box.
+    pub fn position(&self, bounds: &Aabb) -> Vec3 {
+        let q = [
+            self.position_xy as u16,
+            (self.position_xy >> 16) as u16,
+            (self.position_z_face & 0x3fff) as u16,
+        ];
+        quantize::dequantize_position(q, bounds)
+    }
+}
+
 impl SurfelCold {
     /// Share of the sky that reaches the point, 0 to 255 (255 = open).
     pub fn ambient_visibility(&self) -> u8 {

@@ -2,11 +2,12 @@
 //!
 //! In: [`TreeImpostor`] and [`Forest`] entities, [`TreelineSettings`] of cameras. Out: [`LodState`] of single trees, and the
 //! pool of meshes near the cameras ([`NearMeshes`]). `select` is the CPU twin of what the GPU decides for every tree
-//! ([`select_instance`], [`emit_items`]). Cost: trees near a camera, not all trees.
+//! ([`select_instance`], [`emit_items`]), `grove` the list that a block of far trees becomes ([`grove_list`]). Cost: trees near a camera, not all trees.
 
 mod components;
 mod debug_view;
 mod forest_index;
+mod grove;
 mod instance;
 mod lod_state;
 mod near_mesh;
@@ -14,11 +15,15 @@ mod select;
 mod settings;
 
 pub use components::{Forest, LodState, TreeImpostor};
+pub use grove::{GroveList, MOST_SAMPLES, OCTAVES, SAMPLES_PER_TREE, grove_list, view_scale};
 pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
-pub use settings::{CullingView, DebugView, SplatPath, SplatShape, TreelineSettings, UploadBudget};
+pub use settings::{
+    CullingView, DebugView, Occlusion, QualityFactor, SplatPath, SplatShape, TreelineSettings,
+    UploadBudget,
+};
 
 use crate::asset::{NearMesh, TreeAsset};
 use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};
@@ -48,6 +53,7 @@ impl Plugin for ForestPlugin {
             .register_type::<TreeImpostor>()
             .register_type::<LodState>()
             .register_type::<TreelineSettings>()
+            .register_type::<QualityFactor>()
             .register_type::<UploadBudget>()
             .configure_sets(
                 PostUpdate,

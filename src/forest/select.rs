@@ -2,9 +2,10 @@
 
 use super::{instance::TreeInstance, settings::TreelineSettings};
 use crate::{
-    asset::{TreeAsset, TreeData},
-    gpu::types::{GpuInstanceDraw, GpuWorkItem, POINTS_PER_ITEM},
+    asset::{TreeAsset, TreeClusters, TreeData},
+    gpu::types::{GpuWorkItem, POINTS_PER_ITEM},
     lod::{
+        clusters::{CLUSTERS, FIRST_CLUSTER, cluster_points, level_of},
         fade::{FadeBand, ViewRange, fade_band, fade_state},
         prefix_count::{d0, prefix_count, round_count, z0},
         splat_size::disc_radius,
@@ -69,6 +70,15 @@ impl TreeAsset {
     }
 }
 
+/// Points of an instance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointDraw {
+    /// How many of its points are drawn.
+    pub count: u32,
+    /// Splat radius in world units; 0 for none.
+    pub radius: f32,
+}
+
 /// What is drawn of an instance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selection {
@@ -78,12 +88,12 @@ pub struct Selection {
     pub band: FadeBand,
     /// Coverage of the mesh, 0 without one.
     pub mesh: f32,
-    /// Points: length of the prefix and splat radius.
-    pub draw: GpuInstanceDraw,
+    /// Its points.
+    pub draw: PointDraw,
 }
 
 /// Decides what is drawn of an instance (world space) of a forest with a view range, apart from culling. Twin of
-/// `select_instance` in `cull_instances.wgsl`.
+/// `wanted_points` in `shaders/lib/selection.wgsl`.
 pub fn select_instance(
     view: &ViewPoint,
     settings: &TreelineSettings,
@@ -111,12 +121,7 @@ pub fn select_instance(
         mesh = state.mesh;
         wanted *= state.points;
         if state.points <= 0.0 {
-            return Selection {
-                distance: d,
-                band,
-                mesh,
-                draw: GpuInstanceDraw { count: 0, radius: 0.0 },
-            };
+            return Selection { distance: d, band, mesh, draw: PointDraw::default() };
         }
     }
     if !view.orthographic {
@@ -125,32 +130,44 @@ pub fn select_instance(
     let count = round_count(wanted, instance.hash()).min(shape.point_count);
     let scale2 = instance.scale * instance.scale;
     let radius = if count == 0 { 0.0 } else { disc_radius(shape.surface_area * scale2, n) };
-    Selection { distance: d, band, mesh, draw: GpuInstanceDraw { count, radius } }
+    Selection { distance: d, band, mesh, draw: PointDraw { count, radius } }
 }
 
-/// Work items of the draws, in the order of instances and points, cut at `capacity`; and how many did not fit. Twin
-/// of `scan_blocks` and `emit_items`.
-pub fn emit_items(
-    draws: &[GpuInstanceDraw],
-    first_point_of: impl Fn(usize) -> u32,
+/// Work items of the draws, in the order of instances, clusters and points, cut at `capacity`; and how many did not fit.
+/// `tree_of` gives the clusters of an instance's species and the place of its first point in the pool. Twin of
+/// `emit_runs`, `scan_blocks` and `expand_items`, without occlusion.
+pub fn emit_items<'a>(
+    draws: &[PointDraw],
+    tree_of: impl Fn(usize) -> (&'a TreeClusters, u32),
     capacity: usize,
 ) -> (Vec<GpuWorkItem>, usize) {
     let mut items = vec![];
     let mut overflow = 0;
-    for (index, draw) in draws.iter().enumerate() {
-        let mut first = 0;
-        while first < draw.count {
-            if items.len() < capacity {
-                items.push(GpuWorkItem {
-                    instance: index as u32,
-                    first_point: first_point_of(index) + first,
-                    count: (draw.count - first).min(POINTS_PER_ITEM),
-                    radius: draw.radius,
-                });
-            } else {
-                overflow += 1;
+    for (index, draw) in draws.iter().enumerate().filter(|(_, draw)| draw.count > 0) {
+        let (layout, pool_first) = tree_of(index);
+        let level = level_of(draw.count, layout.level_count) as usize;
+        let clusters =
+            &layout.clusters[FIRST_CLUSTER[level] as usize..][..CLUSTERS[level] as usize];
+        let all = clusters.iter().map(|cluster| cluster.count).sum();
+        for cluster in clusters {
+            let points = match level {
+                0 => draw.count,
+                _ => cluster_points(draw.count, cluster.count, all),
+            };
+            let mut first = 0;
+            while first < points {
+                if items.len() < capacity {
+                    items.push(GpuWorkItem {
+                        instance: index as u32,
+                        first_point: pool_first + cluster.first + first,
+                        count: (points - first).min(POINTS_PER_ITEM),
+                        radius: draw.radius,
+                    });
+                } else {
+                    overflow += 1;
+                }
+                first += POINTS_PER_ITEM;
             }
-            first += POINTS_PER_ITEM;
         }
     }
     (items, overflow)
@@ -214,10 +231,17 @@ mod tests {
 
     #[test]
     fn items_are_in_order_and_overflow_is_counted() {
-        let draw = |count| GpuInstanceDraw { count, radius: 1.0 };
-        let (items, overflow) = emit_items(&[draw(70), draw(0), draw(128)], |i| i as u32 * 1000, 3);
+        let draw = |count| PointDraw { count, radius: 1.0 };
+        let layout = TreeClusters::of(&crate::asset::synthetic::synthetic_tree(500, 1));
+        let tree = |i: usize| (&layout, i as u32 * 10_000);
+        let (items, overflow) = emit_items(&[draw(70), draw(0), draw(128)], tree, 3);
         let short: Vec<_> = items.iter().map(|i| (i.instance, i.first_point, i.count)).collect();
-        assert_eq!(short, [(0, 0, 64), (0, 64, 6), (2, 2000, 64)]);
+        assert_eq!(short, [(0, 0, 64), (0, 64, 6), (2, 20_000, 64)]);
         assert_eq!(overflow, 1);
+        // From 257 points on by cluster, all of them together as many.
+        let (items, _) = emit_items(&[draw(480)], tree, 1000);
+        let first = layout.clusters[1].first;
+        assert_eq!(items.len(), 8);
+        assert!(items.iter().all(|item| item.count == 60 && item.first_point >= first));
     }
 }

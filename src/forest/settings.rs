@@ -15,6 +15,23 @@ pub enum SplatShape {
     Squares,
 }
 
+/// What is not drawn because something is in front of it.
+///
+/// Two phases: what the depths of the frame before do not hide is drawn first, then what this frame's do not hide of the
+/// rest. Nothing that would be seen is missing, however fast the camera moves. Trees hide each other; meshes and ground hide
+/// trees for cameras with a [`DepthPrepass`](bevy::core_pipeline::prepass::DepthPrepass) and without MSAA.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum Occlusion {
+    /// Everything in the frustum is drawn.
+    Off,
+    /// What is hidden behind every pixel is not drawn: the same picture.
+    Exact,
+    /// Single pixels that show something far through a crown count as closed (the largest of each 2×2 pixels), which hides
+    /// much more behind crowns; what could only be seen through such holes may lack.
+    #[default]
+    Closed,
+}
+
 /// What a camera shows of the points instead of their lit colours: to see what the level of detail does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum DebugView {
@@ -90,13 +107,16 @@ pub struct TreelineSettings {
     pub overlap_gain: f32,
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
+    /// What is not drawn because it is hidden. Default: closed.
+    pub occlusion: Occlusion,
     /// What to show instead of lit points. Default: off, which costs nothing.
     pub debug_view: DebugView,
     /// Another view that decides which trees are drawn and with how many points, to look at culling from outside. Near
     /// meshes stay where the camera is. Default: none.
     pub culling_view: Option<CullingView>,
-    /// Points per frame at most, in millions; 64 points are a work item, and items that do not fit are counted and
-    /// reported. 16 bytes of GPU memory for each 64 points. Default: 32.
+    /// Points per frame at most, in millions; 64 points are a work item. Items that do not fit are counted and reported,
+    /// and later frames are drawn with less quality, evenly, until they fit. 116 bytes of GPU memory for each 64 points.
+    /// Default: 16.
     pub point_capacity_millions: f32,
 }
 
@@ -110,9 +130,10 @@ impl Default for TreelineSettings {
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
+            occlusion: Occlusion::Closed,
             debug_view: DebugView::Off,
             culling_view: None,
-            point_capacity_millions: 32.0,
+            point_capacity_millions: 16.0,
         }
     }
 }
@@ -134,8 +155,27 @@ impl TreelineSettings {
         clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
         clamp(&mut out.overlap_gain, 0.0, 1.0, 0.22, "overlap_gain");
-        clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 32.0, "point_capacity_millions");
+        clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
         (out, moved)
+    }
+}
+
+/// What a camera's [`TreelineSettings::quality`] is multiplied by, 0 to 1: written by its
+/// [`QualityGovernor`](crate::QualityGovernor), for others to read. Without this component: 1.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect, ExtractComponent)]
+#[reflect(Component, Default)]
+pub struct QualityFactor(pub(crate) f32);
+
+impl Default for QualityFactor {
+    fn default() -> Self {
+        Self(1.0)
+    }
+}
+
+impl QualityFactor {
+    /// The factor.
+    pub fn get(self) -> f32 {
+        self.0
     }
 }
 

@@ -4,4 +4,5 @@
 pub mod headless;
 pub mod mirror;
 pub mod readback;
+pub(crate) mod slice_buffer;
 pub mod types;

@@ -38,6 +38,25 @@ gpu_types! {
         /// `N0 s² / A`: the mean share of its area that a point shows to its peeling direction; 0 if it was peeled
         /// from more directions than X, Y and Z.
         pub sample_share: f32,
+        /// Index of its first cluster.
+        pub first_cluster: u32,
+        /// Levels of clusters, 1 to 3.
+        pub level_count: u32,
+        /// Zero.
+        pub pad: [u32; 2],
+    }
+
+    /// Neighbouring points of a species: a list of its own in the surfel pool.
+    #[derive(PartialEq)]
+    pub struct GpuCluster as "Cluster" {
+        /// Smallest corner of the box of its points, model space.
+        pub lo: [f32; 3],
+        /// Index of its first surfel in the pool.
+        pub first_point: u32,
+        /// Extent of the box.
+        pub extent: [f32; 3],
+        /// Its points.
+        pub count: u32,
     }
 
     /// One tree: 32 bytes.
@@ -55,39 +74,97 @@ gpu_types! {
         pub species_seed_flags: u32,
     }
 
-    /// Up to [`SELECT_WORKGROUP`] consecutive instances of one forest that a view selects from: the work of a workgroup.
+    /// Up to [`SELECT_WORKGROUP`] neighbouring instances of one forest: the work of a workgroup, and a grove.
     #[derive(PartialEq)]
-    pub struct GpuViewBlock as "ViewBlock" {
+    pub struct GpuInstanceBlock as "InstanceBlock" {
+        /// Smallest corner of the box around all that they may draw, world space.
+        pub lo: [f32; 3],
         /// Index of the first instance.
         pub first_instance: u32,
-        /// Instances.
-        pub count: u32,
+        /// Extent of the box.
+        pub extent: [f32; 3],
+        /// Instances | those with a resident species << 16.
+        pub counts: u32,
         /// Distance from which points thin out.
         pub fade_begin: f32,
         /// Distance from which none is left.
         pub fade_end: f32,
+        /// Index of the grove's first sample.
+        pub first_sample: u32,
+        /// The grove has every point for view scales below this; 0 without a grove.
+        pub complete_below: f32,
+        /// Threshold of the grove's last sample.
+        pub top: f32,
+        /// Zero.
+        pub pad: [u32; 3],
+        /// Lengths of the grove's prefixes, by octave of the view scale (`forest::GroveList`).
+        pub marks: [u32; 16],
     }
 
-    /// What selection decided for an instance.
+    /// A block that a view selects from.
     #[derive(PartialEq)]
-    pub struct GpuInstanceDraw as "InstanceDraw" {
-        /// Points to draw: the length of the prefix.
-        pub count: u32,
-        /// Splat radius in world units.
+    pub struct GpuViewBlock as "ViewBlock" {
+        /// Index of the block.
+        pub block: u32,
+        /// What `cull_blocks` decided.
+        pub state: u32,
+        /// Runs of the block; then the index of its first.
+        pub runs: u32,
+        /// Work items of the block; then the index of its first.
+        pub items: u32,
+        /// Of no block: a list of those whose trees are looked at.
+        pub listed: u32,
+    }
+
+    /// Consecutive points of one instance, or samples of a grove, as many as are drawn.
+    #[derive(PartialEq)]
+    pub struct GpuRun as "Run" {
+        /// Index of its first work item in this phase.
+        pub first_item: u32,
+        /// Index of the instance; of the block for a grove.
+        pub instance: u32,
+        /// First point in the pool; first sample for a grove.
+        pub first_point: u32,
+        /// Points | 1 << 31 for a grove.
+        pub points: u32,
+        /// Splat radius in world units; 0 for a grove.
         pub radius: f32,
     }
 
-    /// Up to 64 consecutive points of one instance.
+    /// Up to 64 consecutive points of one instance, or samples of a grove.
     #[derive(PartialEq)]
     pub struct GpuWorkItem as "WorkItem" {
-        /// Index of the instance.
+        /// Index of the instance; of the block's first for a grove.
         pub instance: u32,
-        /// First point, in the pool.
+        /// First point in the pool; first sample for a grove.
         pub first_point: u32,
-        /// Points, 1 to 64.
+        /// Points, 1 to 64 | 1 << 31 for a grove.
         pub count: u32,
-        /// Splat radius in world units.
+        /// Splat radius in world units; 0 for a grove.
         pub radius: f32,
+    }
+
+    /// How the points of a work item come to the screen: all that the splat pass reads besides the points.
+    #[derive(PartialEq)]
+    pub struct GpuSplatItem as "SplatItem" {
+        /// View x of a point is the product with (x, y, z, 1), its place in the grid of the model's box.
+        pub row_x: [f32; 4],
+        /// The same for y.
+        pub row_y: [f32; 4],
+        /// The same for z.
+        pub row_z: [f32; 4],
+        /// Steps of the grid per world unit.
+        pub inverse_step: [f32; 3],
+        /// First point in the pool; first sample for a grove.
+        pub first_point: u32,
+        /// Area of a splat before overlap, world units²: of the disc, or of the cell as its peeling direction sees it.
+        pub area: f32,
+        /// What leaves overlap for their size.
+        pub leaf_overlap: f32,
+        /// 1 / (2 spacing), the mean distance of drawn points in LDI pixels.
+        pub half_inverse_spacing: f32,
+        /// Points (7 bits) | as discs << 7 | of a grove << 8 | its block << 10.
+        pub count_flags: u32,
     }
 
     /// Per view and frame.
@@ -99,7 +176,7 @@ gpu_types! {
         pub origin: [u32; 2],
         /// Blocks of instances that the view selects from.
         pub block_count: u32,
-        /// Work items that fit.
+        /// Work items that fit, and runs.
         pub item_capacity: u32,
         /// `Z0`: pixels per world unit at distance 1 (naga_oil mangles names that end in a digit).
         pub pixels_per_unit: f32,
@@ -125,8 +202,18 @@ gpu_types! {
         pub culling_planes: [[f32; 4]; 4],
         /// Its eye.
         pub culling_eye: [f32; 3],
-        /// Zero.
-        pub pad: u32,
+        /// 0 in the first phase, 1 in the second.
+        pub phase: u32,
+        /// View of the frame before.
+        pub previous_clip_from_world: [[f32; 4]; 4],
+        /// 0 without occlusion culling, 1 exact, 2 with holes of a pixel closed.
+        pub occlusion: u32,
+        /// 1 if the pyramid of the frame before may be asked.
+        pub previous_valid: u32,
+        /// Place of its first texel.
+        pub pyramid_previous: u32,
+        /// Place of the first texel of this frame's.
+        pub pyramid_current: u32,
     }
 
     /// What happened, per view and frame.
@@ -138,6 +225,8 @@ gpu_types! {
         pub culled_frustum: u32,
         /// Deserving no point at their distance.
         pub culled_small: u32,
+        /// Wholly hidden.
+        pub culled_occluded: u32,
         /// Drawn by their mesh alone.
         pub as_mesh: u32,
         /// In the crossfade band.
@@ -152,17 +241,31 @@ gpu_types! {
         pub covered_blocks: u32,
         /// Pixels that show a point.
         pub covered_pixels: u32,
-        /// Zero.
-        pub pad: [u32; 2],
+        /// Blocks drawn as groves.
+        pub groves: u32,
+        /// Work items of the phase in progress.
+        pub phase_items: u32,
+        /// Its runs.
+        pub phase_runs: u32,
+        /// Points of the second phase.
+        pub second_points: u32,
     }
 
     /// Arguments of the indirect commands, one buffer a view.
     #[derive(PartialEq)]
     pub struct GpuIndirectArgs as "IndirectArgs" {
+        /// Trees of listed blocks: workgroups x, y, z.
+        pub cull: [u32; 3],
+        /// Zero.
+        pub pad: u32,
+        /// Work items: workgroups x, y, z.
+        pub expand: [u32; 3],
+        /// Zero.
+        pub pad_expand: u32,
         /// Splat: workgroups x, y, z.
         pub splat: [u32; 3],
         /// Zero.
-        pub pad: u32,
+        pub pad_splat: u32,
         /// Resolve: vertices, instances, first vertex, first instance.
         pub resolve: [u32; 4],
     }

@@ -5,7 +5,7 @@
 
 use std::f32::consts::PI;
 
-/// Default of [`overlap`]'s gain.
+/// Default of [`leaf_overlap`]'s gain.
 pub const OVERLAP_GAIN: f32 = 0.22;
 
 /// Overlap of splats on a surface that is thick compared with them: no gap is left even where a prefix ends between
@@ -22,28 +22,26 @@ pub fn disc_radius(area: f32, n: f32) -> f32 {
     (area / n.max(1e-6) / PI).sqrt()
 }
 
-/// Factor on the area of a splat of `radius` (of the disc), 1 to 2: closes the gaps that a prefix leaves, without
-/// fattening what is smaller than a splat.
+/// Factor on the area of the splat of a leaf, 1 to `1 + gain`: `1 + gain (1 − 1 / (1 + L / 4a))`. 1 where a point of
+/// `radius` (of the disc) stands for a whole leaf of area `leaf_area` (`L`, world units²), `1 + gain` where a leaf has many,
+/// and where there are no leaves (`L` is 0).
+pub fn leaf_overlap(radius: f32, leaf_area: f32, gain: f32) -> f32 {
+    if leaf_area > 0.0 {
+        let a = PI * radius * radius;
+        return 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
+    }
+    1.0 + gain
+}
+
+/// Factor on the area of a splat, 1 to 2: closes the gaps that a prefix leaves, without fattening what is smaller than a
+/// splat.
 ///
-/// `g = 1 + gain (1 − 1 / (1 + L / 4a))` for leaves of area `leaf_area` (`L`, world units²; 0 if there are none, for
-/// full gain): 1 where a point stands for a whole leaf, `1 + gain` where a leaf has many. One-sided surfaces (twigs,
-/// bark) start at 1. Where the surface is at least
+/// Leaves start at their [`leaf_overlap`], one-sided surfaces (twigs, bark) at 1. Where the surface is at least
 /// two to four splats thick it rises to [`CLOSED_OVERLAP`]. `spacing` is the mean distance of drawn points in LDI
 /// pixels, `sqrt(N0 / N)`.
-pub fn overlap(
-    radius: f32,
-    leaf_area: f32,
-    gain: f32,
-    thickness: u8,
-    is_one_sided: bool,
-    spacing: f32,
-) -> f32 {
+pub fn overlap(leaf_overlap: f32, thickness: u8, is_one_sided: bool, spacing: f32) -> f32 {
     // Twigs are one-sided and thinner than a splat: they get nothing.
-    let mut leaf = if is_one_sided { 1.0 } else { 1.0 + gain };
-    if !is_one_sided && leaf_area > 0.0 {
-        let a = PI * radius * radius;
-        leaf = 1.0 + gain * (1.0 - 1.0 / (1.0 + leaf_area / (4.0 * a)));
-    }
+    let leaf = if is_one_sided { 1.0 } else { leaf_overlap };
     let trusted = TRUSTED_THICKNESS[usize::from(!is_one_sided)][usize::from(thickness.min(3))];
     let closed = (trusted / (2.0 * spacing) - 1.0).clamp(0.0, 1.0);
     leaf + (CLOSED_OVERLAP - leaf) * closed
@@ -57,7 +55,8 @@ mod tests {
     fn splats_have_the_area_of_the_tree_times_the_overlap() {
         let area_of = |n: f32, leaf_area: f32, thickness: u8, one_sided: bool, spacing: f32| {
             let r = disc_radius(60.0, n);
-            n * r * r * PI * overlap(r, leaf_area, 0.5, thickness, one_sided, spacing) / 60.0
+            n * r * r * PI * overlap(leaf_overlap(r, leaf_area, 0.5), thickness, one_sided, spacing)
+                / 60.0
         };
         // Few points: a leaf is smaller than a splat, nothing is gained; many: half as much again.
         assert!((area_of(100.0, 0.0059, 0, false, 1.0) - 1.0).abs() < 0.01);

@@ -23,10 +23,13 @@ use std::{
 };
 
 /// What one camera's view drew in the newest frame that has come back.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ViewCounters {
     /// Frames counted since the start; tells a new value from an old one.
     pub frame: u64,
+    /// `q` of that frame: [`TreelineSettings::quality`](crate::TreelineSettings::quality) times the camera's
+    /// [`QualityFactor`](crate::QualityFactor).
+    pub quality: f32,
     /// Trees of the scene, in sight or not: of visible [`Forest`](crate::Forest)s that are on the GPU, and single trees
     /// on the camera's layers, whose species is loaded.
     pub instances_seen: u32,
@@ -38,6 +41,13 @@ pub struct ViewCounters {
     pub culled_frustum: u32,
     /// Of the trees, deserving no point.
     pub culled_small: u32,
+    /// Of the trees, wholly hidden by what is in front of them (and their species is loaded). Trees that were hidden with
+    /// their whole block may be outside of the frustum, or deserve no point, as well.
+    pub culled_occluded: u32,
+    /// Blocks of far trees that were drawn as groves; their trees were not looked at one by one.
+    pub groves: u32,
+    /// Of the points, drawn after the depth pyramid: what the frame before did not show.
+    pub second_points: u32,
     /// Of the trees, drawn by their mesh alone.
     pub as_mesh: u32,
     /// Of the trees, in the crossfade band.
@@ -54,6 +64,10 @@ pub struct ViewCounters {
     pub covered_pixels: u32,
     /// Forests that are not on the GPU yet (see [`UploadBudget`](crate::UploadBudget)), of all cameras.
     pub waiting_forests: u32,
+    /// Forests whose groves are still being made, of all cameras: their trees are looked at one by one meanwhile.
+    pub pending_groves: u32,
+    /// Bytes on the GPU that trees take (instances, blocks, groves), of all cameras; without surfels.
+    pub tree_bytes: u64,
 }
 
 impl ViewCounters {
@@ -63,7 +77,7 @@ impl ViewCounters {
         let (points, items, pixels) =
             (u64::from(self.points), u64::from(self.items), u64::from(self.covered_pixels));
         let instances = u64::from(self.instances_seen - self.culled_in_tiles);
-        instances * 32 + items * 16 + points * 8 + pixels * (16 + 16 + 32 + 8)
+        instances * 32 + items * (20 + 80) + points * 8 + pixels * (16 + 16 + 32 + 8)
     }
 }
 
@@ -99,6 +113,7 @@ struct CounterTag {
     camera: Entity,
     frame: u64,
     tiles: TileCounts,
+    quality: f32,
 }
 
 /// Staging of the counters.
@@ -109,16 +124,24 @@ pub(super) struct CounterReadback {
     frame: u64,
 }
 
+impl CounterReadback {
+    /// Number of the frame in the making.
+    pub fn frame(&self) -> u64 {
+        self.frame
+    }
+}
+
 impl FromWorld for CounterReadback {
     fn from_world(world: &mut World) -> Self {
         let counters = world.get_resource::<TreelineCounters>().cloned().unwrap_or_default();
         let overflow_reported = AtomicBool::new(false);
-        let publish = move |CounterTag { camera, frame, tiles }: CounterTag, bytes: &[u8]| {
+        let publish = move |CounterTag { camera, frame, tiles, quality }: CounterTag,
+                            bytes: &[u8]| {
             let c: GpuCounters = bytemuck::pod_read_unaligned(bytes);
             if c.item_overflow > 0 && !overflow_reported.swap(true, Ordering::Relaxed) {
                 warn!(
-                    "{} of {} work items did not fit and their points are missing: raise \
-                     `TreelineSettings::point_capacity_millions` or lower `quality`",
+                    "{} of {} work items did not fit: this frame lacks their points, later ones are drawn with less \
+                     quality until they fit; raise `TreelineSettings::point_capacity_millions` or lower `quality`",
                     c.item_overflow,
                     c.items + c.item_overflow
                 );
@@ -127,11 +150,15 @@ impl FromWorld for CounterReadback {
                 camera,
                 ViewCounters {
                     frame,
+                    quality,
                     instances_seen: c.instances_seen + tiles.culled_trees,
                     culled_tiles: tiles.culled_tiles,
                     culled_in_tiles: tiles.culled_trees,
                     culled_frustum: c.culled_frustum,
                     culled_small: c.culled_small,
+                    culled_occluded: c.culled_occluded,
+                    groves: c.groves,
+                    second_points: c.second_points,
                     as_mesh: c.as_mesh,
                     in_fade: c.in_fade,
                     points: c.points,
@@ -140,6 +167,8 @@ impl FromWorld for CounterReadback {
                     covered_blocks: c.covered_blocks,
                     covered_pixels: c.covered_pixels,
                     waiting_forests: tiles.waiting,
+                    pending_groves: tiles.pending_groves,
+                    tree_bytes: tiles.tree_bytes,
                 },
             );
         };
@@ -159,8 +188,12 @@ pub(super) fn copy_counters(
     let (trees, main_entity) = view.into_inner();
     let Some(buffers) = views.get(trees) else { return };
     let mut ring = readback.ring.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let tag =
-        CounterTag { camera: main_entity.id(), frame: readback.frame, tiles: buffers.tile_counts };
+    let tag = CounterTag {
+        camera: main_entity.id(),
+        frame: readback.frame,
+        tiles: buffers.tile_counts,
+        quality: buffers.quality,
+    };
     ring.copy(&device, ctx.command_encoder(), &buffers.counters, tag);
 }
 

@@ -5,12 +5,9 @@
 //! not on when it came. Cost: O(tiles + seen log seen).
 
 use super::residency::{InstancePool, Tile};
-use crate::{
-    gpu::types::{GpuViewBlock, SELECT_WORKGROUP},
-    lod::fade::ViewRange,
-    math::bounding::Aabb,
-};
+use crate::{gpu::types::GpuViewBlock, lod::fade::ViewRange, math::bounding::Aabb};
 use bevy::{camera::visibility::RenderLayers, math::Vec4, prelude::*};
+use std::ops::Range;
 
 /// What culling knows of a view.
 pub(super) struct TileView<'a> {
@@ -30,6 +27,10 @@ pub(super) struct TileCounts {
     pub culled_trees: u32,
     /// Forests that are not on the GPU yet.
     pub waiting: u32,
+    /// Forests without groves yet.
+    pub pending_groves: u32,
+    /// Bytes on the GPU that trees take.
+    pub tree_bytes: u64,
 }
 
 /// What a view selects from.
@@ -69,24 +70,19 @@ impl TileView<'_> {
     }
 }
 
-fn push_blocks(blocks: &mut Vec<GpuViewBlock>, first: u32, count: u32, view_range: ViewRange) {
-    for begin in (0..count).step_by(SELECT_WORKGROUP as usize) {
-        blocks.push(GpuViewBlock {
-            first_instance: first + begin,
-            count: (count - begin).min(SELECT_WORKGROUP),
-            fade_begin: view_range.begin,
-            fade_end: view_range.end,
-        });
-    }
+fn push_blocks(blocks: &mut Vec<GpuViewBlock>, range: Range<u32>) {
+    blocks.extend(range.map(|block| GpuViewBlock { block, ..bytemuck::Zeroable::zeroed() }));
 }
 
 /// Lists what a view selects from.
 pub(super) fn cull_tiles(pool: &InstancePool, view: &TileView) -> SeenTiles {
     let mut out = SeenTiles::default();
     out.counts.waiting = pool.waiting;
+    out.counts.pending_groves = pool.pending_groves();
+    out.counts.tree_bytes = pool.bytes();
     // Single trees move, and are looked at one by one.
     for run in pool.impostors.iter().filter(|run| run.layers.intersects(view.layers)) {
-        push_blocks(&mut out.blocks, run.first, run.count, ViewRange::default());
+        push_blocks(&mut out.blocks, run.blocks.clone());
     }
     let mut seen: Vec<([f32; 5], Entity, &Tile)> = vec![];
     for (entity, tile) in &pool.tiles {
@@ -106,7 +102,7 @@ pub(super) fn cull_tiles(pool: &InstancePool, view: &TileView) -> SeenTiles {
         by_place.unwrap_or_else(|| a_entity.cmp(b_entity))
     });
     for (_, _, tile) in seen {
-        push_blocks(&mut out.blocks, tile.first, tile.count, tile.view_range);
+        push_blocks(&mut out.blocks, tile.blocks.range());
     }
     out
 }
@@ -167,15 +163,5 @@ mod tests {
             TileView { planes: &PLANES, eye: Vec3::ZERO, orthographic: false, layers: &camera };
         assert!(view.sees(&bounds, default(), &forest));
         assert!(!view.sees(&bounds, default(), &RenderLayers::layer(2)));
-    }
-
-    #[test]
-    fn blocks_hold_every_instance_once() {
-        let mut blocks = vec![];
-        push_blocks(&mut blocks, 64, 600, default());
-        let short: Vec<_> = blocks.iter().map(|b| (b.first_instance, b.count)).collect();
-        assert_eq!(short, [(64, 256), (320, 256), (576, 88)]);
-        push_blocks(&mut blocks, 0, 0, default());
-        assert_eq!(blocks.len(), 3);
     }
 }

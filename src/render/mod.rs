@@ -1,4 +1,5 @@
-//! L3: the render world. extract → residency → cull_tiles → view → select → splat → resolve; counters flow back.
+//! L3: the render world. extract → residency → cull_tiles → view → select → splat → pyramid → select → splat →
+//! resolve; counters flow back.
 //!
 //! In: forests, single trees and settings of the main world. Out: lit pixels and depth in the main pass of every
 //! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: a look at each forest, plus instances
@@ -7,6 +8,7 @@
 mod counters;
 mod cull_tiles;
 mod extract;
+mod pyramid;
 mod residency;
 mod resolve;
 mod select;
@@ -16,7 +18,7 @@ mod view;
 pub use counters::{TreelineCounters, ViewCounters};
 pub use splat::SplatSupport;
 
-use crate::forest::{SplatPath, TreelineSettings};
+use crate::forest::{QualityFactor, SplatPath, TreelineSettings};
 use bevy::{
     core_pipeline::{
         Core3d, Core3dSystems, core_3d::main_opaque_pass_3d, deferred::node::late_deferred_prepass,
@@ -41,8 +43,10 @@ pub(crate) struct TreelineRenderPlugin {
 impl Plugin for TreelineRenderPlugin {
     fn build(&self, app: &mut App) {
         let counters = TreelineCounters::default();
-        app.insert_resource(counters.clone())
-            .add_plugins(ExtractComponentPlugin::<TreelineSettings>::default());
+        app.insert_resource(counters.clone()).add_plugins((
+            ExtractComponentPlugin::<TreelineSettings>::default(),
+            ExtractComponentPlugin::<QualityFactor>::default(),
+        ));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(counters)
@@ -57,6 +61,7 @@ impl Plugin for TreelineRenderPlugin {
                 RenderStartup,
                 (
                     select::init_select_pipelines,
+                    pyramid::init_pyramid_pipelines,
                     splat::init_splat_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
                 ),
@@ -71,6 +76,7 @@ impl Plugin for TreelineRenderPlugin {
                         .in_set(RenderSystems::PrepareResources),
                     (
                         select::prepare_select_groups,
+                        pyramid::prepare_pyramid_groups,
                         splat::prepare_splat_groups,
                         resolve::prepare_resolve_groups,
                     )
@@ -81,7 +87,15 @@ impl Plugin for TreelineRenderPlugin {
             .add_systems(
                 Core3d,
                 (
-                    (select::select, splat::splat, resolve::classify, counters::copy_counters)
+                    (
+                        select::select::<0>,
+                        splat::splat::<0>,
+                        pyramid::build_pyramid,
+                        select::select::<1>,
+                        splat::splat::<1>,
+                        resolve::classify,
+                        counters::copy_counters,
+                    )
                         .chain()
                         .after(late_deferred_prepass)
                         .before(Core3dSystems::MainPass),

@@ -1,16 +1,18 @@
 //! Buffers and settings of each camera's view.
 
 use super::{
+    counters::{CounterReadback, TreelineCounters, ViewCounters},
     cull_tiles::{TileCounts, TileView, cull_tiles},
     residency::InstancePool,
 };
 use crate::{
-    forest::{SplatShape, TreelineSettings},
+    forest::{Occlusion, QualityFactor, SplatShape, TreelineSettings},
     gpu::types::{
-        GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuViewBlock,
-        GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
+        GpuCounters, GpuIndirectArgs, GpuRun, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
+        GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK,
     },
     lod::prefix_count::z0,
+    math::occlusion::{PYRAMID_LEVELS, pyramid_offset},
 };
 use bevy::{
     camera::{primitives::Frustum, visibility::RenderLayers},
@@ -22,32 +24,90 @@ use bevy::{
         camera::ExtractedCamera,
         render_resource::{Buffer, BufferDescriptor, BufferUsages, CachedRenderPipelineId},
         renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
         view::{ExtractedView, Msaa, RetainedViewEntity},
     },
 };
 
 /// GPU side of one view.
 pub(super) struct ViewBuffers {
+    /// One for each phase, [`PHASE_STRIDE`] bytes apart.
     pub settings: Buffer,
     pub view_blocks: Buffer,
-    pub draws: Buffer,
-    pub block_items: Buffer,
+    pub runs: Buffer,
     pub items: Buffer,
+    pub splat_items: Buffer,
     pub counters: Buffer,
     pub args: Buffer,
     /// Two words a pixel: payload, depth bits.
     pub visibility: Buffer,
     pub blocks: Buffer,
+    /// Farthest depths: of the frame before and of this one, in turn.
+    pub pyramid: Buffer,
     pub size: UVec2,
+    /// Makes a pyramid.
+    pub occlusion: bool,
+    /// Asks that of the frame before, so that there is a second phase.
+    pub two_phases: bool,
     /// Blocks of instances that the view selects from.
     pub block_count: u32,
     pub tile_counts: TileCounts,
+    /// `q` as drawn: the camera's, times its governor's factor and what fits.
+    pub quality: f32,
     /// What `view_blocks` begins with.
     written_blocks: Vec<GpuViewBlock>,
     block_capacity: u32,
     item_capacity: u32,
+    /// View of the frame before, if it left a pyramid.
+    previous_clip_from_world: Option<Mat4>,
+    /// Which half of `pyramid` is this frame's.
+    pyramid_half: u32,
+    /// Share of `quality` that is drawn: less than 1 after frames whose items did not fit.
+    fit: Fit,
     used: bool,
     warned: Vec<&'static str>,
+}
+
+/// Bytes from the settings of one phase to those of the next: the largest alignment that devices ask for.
+pub(super) const PHASE_STRIDE: u32 = 512;
+const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
+
+/// Lowers the quality of a view evenly while it asks for more items than fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Fit {
+    factor: f32,
+    /// Number of the newest counters that were looked at.
+    seen: u64,
+    /// Counters of frames before this one were drawn with another factor.
+    changed: u64,
+}
+
+impl Default for Fit {
+    fn default() -> Self {
+        Self { factor: 1.0, seen: 0, changed: 0 }
+    }
+}
+
+impl Fit {
+    /// Looks at counters that came back; `now` is the number of the frame in preparation.
+    fn update(&mut self, counters: &ViewCounters, capacity: u32, now: u64) {
+        if counters.frame <= self.seen || counters.frame < self.changed {
+            return;
+        }
+        self.seen = counters.frame;
+        let wanted = (counters.items + counters.item_overflow) as f32 / capacity as f32;
+        let factor = if counters.item_overflow > 0 {
+            // A little less than what would fit: items of small trees do not shrink in proportion.
+            self.factor * 0.95 / wanted
+        } else if wanted < 0.9 {
+            (self.factor * (0.95 / wanted.max(0.1)).min(1.1)).min(1.0)
+        } else {
+            self.factor
+        };
+        if factor != self.factor {
+            (self.factor, self.changed) = (factor.max(1e-3), now);
+        }
+    }
 }
 
 /// Name of a warning beside those of settings.
@@ -66,8 +126,7 @@ impl ViewBuffers {
         if self.block_count > self.block_capacity {
             // Room for more, so that turning the camera does not make new buffers each frame.
             self.block_capacity = self.block_count.saturating_add(self.block_count / 2).min(most);
-            [self.view_blocks, self.draws, self.block_items] =
-                block_buffers(device, self.block_capacity);
+            self.view_blocks = block_buffer(device, self.block_capacity);
             self.written_blocks.clear();
         }
         if self.written_blocks != blocks {
@@ -110,36 +169,36 @@ fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUs
     })
 }
 
-fn pixel_buffers(device: &RenderDevice, size: UVec2) -> (Buffer, Buffer) {
+fn pixel_buffers(device: &RenderDevice, size: UVec2) -> [Buffer; 3] {
     let pixels = u64::from(size.x) * u64::from(size.y);
     let blocks =
         u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-    (
+    let texels = u64::from(pyramid_offset(size, PYRAMID_LEVELS));
+    [
         buffer(device, "treeline_visibility", pixels * 8, storage),
         buffer(device, "treeline_blocks", blocks * 4, BufferUsages::STORAGE),
-    )
-}
-
-/// Bytes of what selection writes for a block of instances.
-const BLOCK_DRAWS: u64 = SELECT_WORKGROUP as u64 * size_of::<GpuInstanceDraw>() as u64;
-
-/// Blocks, draws, and items of each block.
-fn block_buffers(device: &RenderDevice, blocks: u32) -> [Buffer; 3] {
-    let blocks = u64::from(blocks);
-    let storage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-    let bytes = size_of::<GpuViewBlock>() as u64;
-    let written = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-    [
-        buffer(device, "treeline_view_blocks", blocks * bytes, written),
-        buffer(device, "treeline_draws", blocks * BLOCK_DRAWS, storage),
-        buffer(device, "treeline_block_items", blocks * 4, storage),
+        buffer(device, "treeline_pyramid", 2 * texels * 4, storage),
     ]
 }
 
-fn item_buffer(device: &RenderDevice, capacity: u32) -> Buffer {
-    let size = u64::from(capacity) * size_of::<GpuWorkItem>() as u64;
-    buffer(device, "treeline_items", size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
+fn block_buffer(device: &RenderDevice, blocks: u32) -> Buffer {
+    let size = u64::from(blocks) * size_of::<GpuViewBlock>() as u64;
+    let written = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+    buffer(device, "treeline_view_blocks", size, written)
+}
+
+/// Runs, items, and how items come to the screen.
+fn item_buffers(device: &RenderDevice, capacity: u32) -> [Buffer; 3] {
+    let of = |label, bytes: usize| {
+        let size = u64::from(capacity) * bytes as u64;
+        buffer(device, label, size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
+    };
+    [
+        of("treeline_runs", size_of::<GpuRun>()),
+        of("treeline_items", size_of::<GpuWorkItem>()),
+        of("treeline_splat_items", size_of::<GpuSplatItem>()),
+    ]
 }
 
 /// Makes and sizes the buffers of every camera's view, and writes its settings.
@@ -153,14 +212,17 @@ pub(super) fn prepare_views(
             &ExtractedView,
             &ExtractedCamera,
             &Msaa,
-            Option<&TreelineSettings>,
+            (Option<&TreelineSettings>, Option<&QualityFactor>),
             Option<&ViewPrepassTextures>,
             Option<&Frustum>,
             Option<&RenderLayers>,
+            &MainEntity,
         ),
         With<Camera3d>,
     >,
     instances: Res<InstancePool>,
+    counters: Res<TreelineCounters>,
+    readback: Res<CounterReadback>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -170,7 +232,9 @@ pub(super) fn prepare_views(
     let limits = device.limits();
     let binding_limit = limits.max_storage_buffer_binding_size;
     let everyone = RenderLayers::default();
-    for (entity, view, camera, msaa, settings, prepass, frustum, layers) in &cameras {
+    for (entity, view, camera, msaa, (settings, factor), prepass, frustum, layers, main_entity) in
+        &cameras
+    {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
         let has_pixels =
@@ -180,26 +244,26 @@ pub(super) fn prepare_views(
             continue;
         }
         let key = view.retained_view_entity;
-        let most = (binding_limit / size_of::<GpuWorkItem>() as u64).min(1 << 26) as u32;
+        let most = (binding_limit / size_of::<GpuSplatItem>() as u64).min((1 << 26) - 1) as u32;
         let wanted = (settings.point_capacity_millions * 1e6 / POINTS_PER_ITEM as f32) as u32;
         let item_capacity = wanted.clamp(1, most);
         let buffers = views.all.entry(key).or_insert_with(|| {
-            let (visibility, blocks) = pixel_buffers(&device, size);
+            let [visibility, blocks, pyramid] = pixel_buffers(&device, size);
+            let [runs, items, splat_items] = item_buffers(&device, item_capacity);
             let counters = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
             let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
             let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            let [view_blocks, draws, block_items] = block_buffers(&device, 0);
             ViewBuffers {
                 settings: buffer(
                     &device,
                     "treeline_settings",
-                    size_of::<GpuSelectSettings>() as u64,
+                    2 * u64::from(PHASE_STRIDE),
                     uniform,
                 ),
-                view_blocks,
-                draws,
-                block_items,
-                items: item_buffer(&device, item_capacity),
+                view_blocks: block_buffer(&device, 0),
+                runs,
+                items,
+                splat_items,
                 counters: buffer(
                     &device,
                     "treeline_counters",
@@ -209,9 +273,16 @@ pub(super) fn prepare_views(
                 args: buffer(&device, "treeline_args", size_of::<GpuIndirectArgs>() as u64, args),
                 visibility,
                 blocks,
+                pyramid,
                 size,
+                occlusion: false,
+                two_phases: false,
+                previous_clip_from_world: None,
+                pyramid_half: 0,
+                fit: default(),
                 block_count: 0,
                 tile_counts: default(),
+                quality: settings.quality,
                 written_blocks: vec![],
                 block_capacity: 0,
                 item_capacity,
@@ -221,8 +292,9 @@ pub(super) fn prepare_views(
         });
         buffers.used = true;
         if buffers.size != size {
-            (buffers.visibility, buffers.blocks) = pixel_buffers(&device, size);
+            [buffers.visibility, buffers.blocks, buffers.pyramid] = pixel_buffers(&device, size);
             buffers.size = size;
+            buffers.previous_clip_from_world = None;
         }
         let orthographic = view.clip_from_view.w_axis.w == 1.0;
         let frozen = settings.culling_view;
@@ -241,7 +313,7 @@ pub(super) fn prepare_views(
             layers: layers.unwrap_or(&everyone),
         };
         let mut seen = cull_tiles(&instances, &tile_view);
-        let most_blocks = (binding_limit / BLOCK_DRAWS) as usize;
+        let most_blocks = (binding_limit / size_of::<GpuViewBlock>() as u64) as usize;
         if seen.blocks.len() > most_blocks {
             if !buffers.warned.contains(&TOO_MANY_BLOCKS) {
                 warn!(
@@ -254,9 +326,16 @@ pub(super) fn prepare_views(
         buffers.select_from(seen.blocks, most_blocks as u32, &device, &queue);
         buffers.tile_counts = seen.counts;
         if buffers.item_capacity != item_capacity {
-            buffers.items = item_buffer(&device, item_capacity);
+            [buffers.runs, buffers.items, buffers.splat_items] =
+                item_buffers(&device, item_capacity);
             buffers.item_capacity = item_capacity;
+            buffers.fit = default();
         }
+        if let Some(counters) = counters.of(main_entity.id()) {
+            buffers.fit.update(&counters, item_capacity, readback.frame());
+        }
+        let factor = factor.copied().unwrap_or_default().get();
+        buffers.quality = settings.quality * factor * buffers.fit.factor;
         for name in moved {
             if !buffers.warned.contains(&name) {
                 warn!(
@@ -267,7 +346,23 @@ pub(super) fn prepare_views(
         }
         // A multisampled prepass has one depth per sample; points test against each other only.
         let has_prepass = msaa.samples() == 1 && prepass.is_some_and(|p| p.depth_view().is_some());
-        let data = GpuSelectSettings {
+        // A frozen view looks at what another would cull: nothing is behind what this one draws.
+        let occlusion = match settings.occlusion {
+            _ if frozen.is_some() => 0,
+            Occlusion::Off => 0,
+            Occlusion::Exact => 1,
+            Occlusion::Closed => 2,
+        };
+        let texels = pyramid_offset(size, PYRAMID_LEVELS);
+        let previous = buffers.previous_clip_from_world.filter(|_| occlusion > 0);
+        buffers.occlusion = occlusion > 0;
+        buffers.two_phases = previous.is_some();
+        buffers.pyramid_half = 1 - buffers.pyramid_half;
+        let clip_from_world = view
+            .clip_from_world
+            .unwrap_or_else(|| view.clip_from_view * view.world_from_view.to_matrix().inverse());
+        buffers.previous_clip_from_world = buffers.occlusion.then_some(clip_from_world);
+        let first_phase = GpuSelectSettings {
             size: size.to_array(),
             origin: camera
                 .viewport
@@ -277,7 +372,7 @@ pub(super) fn prepare_views(
             block_count: buffers.block_count,
             item_capacity,
             pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),
-            quality: settings.quality,
+            quality: buffers.quality,
             min_mesh_distance: settings.min_mesh_distance,
             fade_width: settings.fade_width,
             fade_jitter: settings.fade_jitter,
@@ -293,9 +388,18 @@ pub(super) fn prepare_views(
             culling_planes: planes
                 .map_or([[0.0; 4]; 4], |planes| [0, 1, 2, 3].map(|side| planes[side].to_array())),
             culling_eye: tile_view.eye.to_array(),
-            pad: 0,
+            phase: 0,
+            previous_clip_from_world: previous.unwrap_or_default().to_cols_array_2d(),
+            occlusion,
+            previous_valid: u32::from(previous.is_some()),
+            pyramid_previous: (1 - buffers.pyramid_half) * texels,
+            pyramid_current: buffers.pyramid_half * texels,
         };
-        queue.write_buffer(&buffers.settings, 0, bytemuck::bytes_of(&data));
+        let second_phase = GpuSelectSettings { phase: 1, ..first_phase };
+        for (phase, settings) in [first_phase, second_phase].iter().enumerate() {
+            let at = phase as u64 * u64::from(PHASE_STRIDE);
+            queue.write_buffer(&buffers.settings, at, bytemuck::bytes_of(settings));
+        }
         commands.entity(entity).insert(ViewTrees { key, has_prepass });
     }
     views.all.retain(|_, view| view.used);

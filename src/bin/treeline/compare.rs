@@ -39,6 +39,9 @@ pub struct CompareArgs {
     /// Instead: frame times of 50 instances at d0 to 8 d0, as points (q 1) and as meshes (the paper's Table 2).
     #[arg(long)]
     table2: bool,
+    /// Instead: coverage and mean luminance against distance, from d0/2 to where the tree covers a pixel.
+    #[arg(long, conflicts_with = "table2")]
+    coverage: bool,
     /// Shape of the splats.
     #[arg(long, value_enum, default_value = "cells")]
     splats: SplatArg,
@@ -153,6 +156,9 @@ pub fn run(args: &CompareArgs) -> ToolResult {
         splat_shape: args.splats.into(),
         ..Default::default()
     };
+    if args.coverage {
+        return crate::coverage::run(&baked, args.splat_path.into(), &settings, &args.out);
+    }
     let mut subject = Subject::new(&baked, args.splat_path.into(), settings)?;
     let d0 = subject.d0;
     let distances = if args.distances.is_empty() {

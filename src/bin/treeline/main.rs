@@ -3,6 +3,7 @@
 mod bake;
 mod bench;
 mod compare;
+mod coverage;
 mod doctor;
 mod flip;
 mod fly;

@@ -1,17 +1,23 @@
 //! The instances of all forests and single trees in one buffer: a slice for each forest, and one for the single trees.
 //!
 //! In: forests that came, changed or went, single trees, near meshes. Out: the buffer, and a [`Tile`] for each forest: where
-//! it lies, in the buffer and in the world. Only what changed is packed and written; a larger buffer is filled by a copy
+//! it lies, in the buffer and in the world. The trees of a large forest are sorted by place, so that its blocks are compact,
+//! and become groves. Only what changed is packed and written; a larger buffer is filled by a copy
 //! on the GPU. Cost: nothing while nothing changes; else a look at each forest, and the trees of those that changed.
 
 use super::{
-    packing::{pack_forest, species_word},
+    blocks::TileBlocks,
+    groves::Groves,
+    packing::{measure_blocks, pack_forest, species_word},
     surfels::{SpeciesSlot, SurfelPool},
 };
 use crate::{
-    gpu::types::{GpuTreeInstance, INSTANCE_HAS_MESH, SELECT_WORKGROUP},
+    gpu::{
+        slice_buffer::SliceBuffer,
+        types::{GpuInstanceBlock, GpuTreeInstance, INSTANCE_HAS_MESH, SELECT_WORKGROUP},
+    },
     lod::fade::ViewRange,
-    math::{bounding::Aabb, slice_allocator::SliceAllocator},
+    math::{block_order::block_order, bounding::Aabb, slice_allocator::SliceAllocator},
     render::extract::{ExtractedForest, ExtractedTrees},
 };
 use bevy::{
@@ -48,7 +54,10 @@ pub(in crate::render) struct Tile {
     pub bounds: Aabb,
     pub view_range: ViewRange,
     pub layers: RenderLayers,
+    pub blocks: TileBlocks,
     instances: Arc<Vec<GpuTreeInstance>>,
+    /// Place in the slice of each tree of the forest. Empty: as they come.
+    places: Vec<u32>,
     species: Vec<SpeciesSlot>,
     packed_revision: u64,
 }
@@ -58,6 +67,8 @@ pub(in crate::render) struct ImpostorRun {
     pub first: u32,
     pub count: u32,
     pub layers: RenderLayers,
+    /// Indices of its blocks.
+    pub blocks: std::ops::Range<u32>,
 }
 
 /// The slice of the single trees.
@@ -66,12 +77,16 @@ struct ImpostorSlice {
     first: u32,
     room: u32,
     written: Vec<GpuTreeInstance>,
+    first_block: u32,
+    blocks: Vec<GpuInstanceBlock>,
 }
 
 /// All instances.
-#[derive(Resource, Default)]
+#[derive(Resource)]
 pub(in crate::render) struct InstancePool {
     pub buffer: Option<Buffer>,
+    pub blocks: SliceBuffer,
+    groves: Groves,
     pub tiles: EntityHashMap<Tile>,
     pub impostors: Vec<ImpostorRun>,
     /// Trees in the buffer.
@@ -85,6 +100,28 @@ pub(in crate::render) struct InstancePool {
     revision: u64,
     surfel_generation: u64,
     reported_limit: bool,
+}
+
+impl FromWorld for InstancePool {
+    fn from_world(world: &mut World) -> Self {
+        let device = world.resource::<RenderDevice>();
+        let stride = size_of::<GpuInstanceBlock>() as u64;
+        Self {
+            buffer: None,
+            blocks: SliceBuffer::new("treeline_instance_blocks", stride, 64, device),
+            groves: Groves::new(device),
+            tiles: default(),
+            impostors: vec![],
+            count: 0,
+            waiting: 0,
+            slices: default(),
+            impostor_slice: default(),
+            flagged: default(),
+            revision: 0,
+            surfel_generation: 0,
+            reported_limit: false,
+        }
+    }
 }
 
 fn units(instances: usize) -> u32 {
@@ -136,6 +173,7 @@ pub(in crate::render) fn prepare_instances(
     if is_behind {
         pool.update_forests(&trees, &surfels, &mut writer);
     }
+    pool.update_groves(&surfels, &device, &queue);
     pool.update_impostors(&trees, &surfels, &mut writer);
     pool.flag_near_trees(&trees, &queue);
     pool.count = pool.impostors.iter().map(|run| run.count).sum::<u32>()
@@ -143,6 +181,34 @@ pub(in crate::render) fn prepare_instances(
 }
 
 impl InstancePool {
+    /// What the samples of groves are read from.
+    pub fn samples(&self) -> &Buffer {
+        self.groves.samples.buffer()
+    }
+
+    /// Forests whose groves are not made yet.
+    pub fn pending_groves(&self) -> u32 {
+        self.groves.pending() as u32
+    }
+
+    /// Bytes on the GPU that trees take, whatever their species: instances, blocks, groves.
+    pub fn bytes(&self) -> u64 {
+        let instances = u64::from(self.slices.used()) * u64::from(UNIT) * INSTANCE_BYTES;
+        let blocks = u64::from(self.blocks.used()) * size_of::<GpuInstanceBlock>() as u64;
+        instances + blocks + u64::from(self.groves.samples.used()) * 4
+    }
+
+    fn update_groves(&mut self, surfels: &SurfelPool, device: &RenderDevice, queue: &RenderQueue) {
+        for grown in self.groves.update(surfels) {
+            let Some(tile) = self.tiles.get_mut(&grown.tile) else { continue };
+            if tile.packed_revision == grown.revision
+                && self.groves.place(grown, &mut tile.blocks, device, queue)
+            {
+                self.blocks.write(tile.blocks.first, bytemuck::cast_slice(&tile.blocks.all), queue);
+            }
+        }
+    }
+
     fn update_forests(
         &mut self,
         trees: &ExtractedTrees,
@@ -171,6 +237,10 @@ impl InstancePool {
                 continue;
             };
             tile.view_range = forest.view_range;
+            if tile.blocks.set_view_range(forest.view_range) {
+                let blocks = bytemuck::cast_slice(&tile.blocks.all);
+                self.blocks.write(tile.blocks.first, blocks, writer.queue);
+            }
             if tile.layers != forest.layers {
                 tile.layers = forest.layers.clone();
             }
@@ -209,29 +279,71 @@ impl InstancePool {
             };
             to_come = to_come.saturating_sub(units_of(&entity));
             writer.seek(first, self.buffer.as_ref());
-            let species = slots_of(forest);
-            let packed =
-                pack_forest(&forest.instances, &forest.transform, &species, &mut writer.data);
-            let tile = Tile {
-                first,
-                count: forest.instances.len() as u32,
-                resident: packed.resident,
-                bounds: packed.bounds,
-                view_range: forest.view_range,
-                layers: forest.layers.clone(),
-                instances: forest.instances.clone(),
-                species,
-                packed_revision: forest.packed_revision,
-            };
-            self.tiles.insert(entity, tile);
+            if let Some(tile) = self.pack_tile(forest, first, slots_of(forest), writer) {
+                let packed = &writer.data[writer.data.len() - tile.count as usize..];
+                let fade_end = forest.view_range.end;
+                self.groves.request(entity, forest.packed_revision, packed, fade_end);
+                self.tiles.insert(entity, tile);
+            } else {
+                self.slices.release(first / UNIT, units_of(&entity));
+                self.waiting += 1;
+            }
         }
         writer.flush(self.buffer.as_ref());
         self.revision = trees.revision;
         self.surfel_generation = surfels.generation;
     }
 
+    /// Packs a forest for the slice at `first`. `None`: there is no room for its blocks.
+    fn pack_tile(
+        &mut self,
+        forest: &ExtractedForest,
+        first: u32,
+        species: Vec<SpeciesSlot>,
+        writer: &mut Writer,
+    ) -> Option<Tile> {
+        let instances = &forest.instances;
+        let block = SELECT_WORKGROUP as usize;
+        let is_one_block = instances.len() <= block;
+        let order: Vec<u32> = if is_one_block {
+            (0..instances.len() as u32).collect()
+        } else {
+            let positions: Vec<Vec3> = instances.iter().map(|tree| tree.position.into()).collect();
+            block_order(&positions, block)
+        };
+        let packed = pack_forest(instances, &order, &forest.transform, &species, &mut writer.data);
+        let mut blocks = TileBlocks::new(first, &packed, forest.view_range);
+        let count = blocks.all.len() as u32;
+        blocks.first = self.blocks.allocate(count, writer.device, writer.queue)?;
+        self.blocks.write(blocks.first, bytemuck::cast_slice(&blocks.all), writer.queue);
+        let mut places = vec![];
+        if !is_one_block {
+            places.resize(order.len(), 0);
+            for (place, tree) in order.iter().enumerate() {
+                places[*tree as usize] = place as u32;
+            }
+        }
+        Some(Tile {
+            first,
+            count: instances.len() as u32,
+            resident: packed.iter().map(|block| block.resident).sum(),
+            bounds: packed.iter().fold(Aabb::default(), |all, block| all.union(block.bounds)),
+            view_range: forest.view_range,
+            layers: forest.layers.clone(),
+            blocks,
+            instances: instances.clone(),
+            places,
+            species,
+            packed_revision: forest.packed_revision,
+        })
+    }
+
     fn remove_tile(&mut self, entity: Entity) {
+        self.groves.forget(entity);
         let Some(tile) = self.tiles.remove(&entity) else { return };
+        self.blocks.release(tile.blocks.first, tile.blocks.all.len() as u32);
+        let samples = &tile.blocks.samples;
+        self.groves.samples.release(samples.start, samples.len() as u32);
         let units = units(tile.count as usize);
         self.slices.release(tile.first / UNIT, units);
         let end = tile.first + units * UNIT;
@@ -306,12 +418,33 @@ impl InstancePool {
         let slice = &mut self.impostor_slice;
         if packed.len() > slice.room as usize {
             self.slices.release(slice.first / UNIT, slice.room / UNIT);
-            *slice = ImpostorSlice::default();
+            (slice.first, slice.room) = (0, 0);
+            slice.written.clear();
             // Room for more, so that spawning one does not move all each time.
             let room = units(packed.len()).next_power_of_two();
             let Some(first) = self.place(room, room, writer) else { return };
-            self.impostor_slice = ImpostorSlice { first, room: room * UNIT, written: vec![] };
+            self.impostor_slice.first = first;
+            self.impostor_slice.room = room * UNIT;
         }
+        self.update_impostor_blocks(trees, surfels, &packed, writer);
+        let slice = &mut self.impostor_slice;
+        if slice.written != packed
+            && let Some(buffer) = &self.buffer
+        {
+            let at = u64::from(slice.first) * INSTANCE_BYTES;
+            writer.queue.write_buffer(buffer, at, bytemuck::cast_slice(&packed));
+            slice.written = packed;
+        }
+    }
+
+    /// Cuts the single trees into runs that the same cameras see, and those into blocks.
+    fn update_impostor_blocks(
+        &mut self,
+        trees: &ExtractedTrees,
+        surfels: &SurfelPool,
+        packed: &[GpuTreeInstance],
+        writer: &Writer,
+    ) {
         let slice = &mut self.impostor_slice;
         for (i, impostor) in trees.impostors.iter().enumerate() {
             match self.impostors.last_mut() {
@@ -320,15 +453,35 @@ impl InstancePool {
                     first: slice.first + i as u32,
                     count: 1,
                     layers: impostor.layers.clone(),
+                    blocks: 0..0,
                 }),
             }
         }
-        if slice.written != packed
-            && let Some(buffer) = &self.buffer
-        {
-            let at = u64::from(slice.first) * INSTANCE_BYTES;
-            writer.queue.write_buffer(buffer, at, bytemuck::cast_slice(&packed));
-            slice.written = packed;
+        let mut blocks: Vec<GpuInstanceBlock> = vec![];
+        for run in &mut self.impostors {
+            let first = (run.first - slice.first) as usize;
+            let slot_of = |i: usize| surfels.slot(trees.impostors[first + i].species);
+            let measured = measure_blocks(&packed[first..first + run.count as usize], slot_of);
+            let begin = blocks.len() as u32;
+            blocks.extend(TileBlocks::new(run.first, &measured, ViewRange::default()).all);
+            run.blocks = begin..blocks.len() as u32;
+        }
+        if blocks.len() != slice.blocks.len() {
+            self.blocks.release(slice.first_block, slice.blocks.len() as u32);
+            slice.blocks.clear();
+            let count = blocks.len() as u32;
+            let Some(first) = self.blocks.allocate(count, writer.device, writer.queue) else {
+                self.impostors.clear();
+                return;
+            };
+            slice.first_block = first;
+        }
+        for run in &mut self.impostors {
+            run.blocks = run.blocks.start + slice.first_block..run.blocks.end + slice.first_block;
+        }
+        if slice.blocks != blocks {
+            self.blocks.write(slice.first_block, bytemuck::cast_slice(&blocks), writer.queue);
+            slice.blocks = blocks;
         }
     }
 
@@ -343,7 +496,8 @@ impl InstancePool {
         for near in &trees.near {
             let Some(tile) = self.tiles.get(&near.owner) else { continue };
             let Some(packed) = tile.instances.get(near.index as usize) else { continue };
-            let (index, word) = (tile.first + near.index, species_word(packed, &tile.species));
+            let place = tile.places.get(near.index as usize).copied().unwrap_or(near.index);
+            let (index, word) = (tile.first + place, species_word(packed, &tile.species));
             if self.flagged.get(&index) != Some(&word) {
                 write(index, word | INSTANCE_HAS_MESH);
             }

@@ -2,6 +2,8 @@
 //!
 //! In: what was extracted. Out: [`SurfelPool`] and [`InstancePool`]. Only forests that changed are packed and written.
 
+mod blocks;
+mod groves;
 mod instances;
 mod packing;
 mod surfels;

@@ -1,11 +1,11 @@
 //! The trees of a forest in the form that selection reads: world space, species by their index on the GPU.
 //!
-//! In: a forest, its species; out: packed instances and the box around all that they may draw. O(trees).
+//! In: a forest, its species; out: packed instances, and for each block of them the box around what they may draw. O(trees).
 
 use super::surfels::SpeciesSlot;
 use crate::{
     forest::TreeInstance,
-    gpu::types::{GpuTreeInstance, SPECIES_NOT_RESIDENT},
+    gpu::types::{GpuTreeInstance, SELECT_WORKGROUP, SPECIES_NOT_RESIDENT},
     math::bounding::Aabb,
 };
 use bevy::math::{Affine3A, Mat3A, Vec3};
@@ -13,14 +13,44 @@ use bevy::math::{Affine3A, Mat3A, Vec3};
 /// The part of `species_seed_flags` that is the same wherever a tree is resident.
 const SEED: u32 = 0x00ff_0000;
 
-/// What packing found out about a forest.
+/// What packing found out about up to [`SELECT_WORKGROUP`] instances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Packed {
+pub(in crate::render) struct PackedBlock {
     /// Around every point of every tree, world space. Trees at no finite place do not count; they are not drawn if the
     /// others are out of sight.
     pub bounds: Aabb,
+    /// Trees.
+    pub count: u32,
     /// Trees whose species is resident.
     pub resident: u32,
+}
+
+impl PackedBlock {
+    fn add(&mut self, tree: &GpuTreeInstance, slot: SpeciesSlot) {
+        self.count += 1;
+        if slot.index == SPECIES_NOT_RESIDENT {
+            return;
+        }
+        self.resident += 1;
+        let (position, reach) = (Vec3::from(tree.position), slot.reach * tree.scale);
+        if position.is_finite() && reach.is_finite() {
+            let reach = Vec3::splat(reach.abs());
+            self.bounds = self.bounds.including(position - reach).including(position + reach);
+        }
+    }
+}
+
+/// The same for each block of single trees, which are packed already.
+pub(super) fn measure_blocks(
+    trees: &[GpuTreeInstance],
+    slot_of: impl Fn(usize) -> SpeciesSlot,
+) -> Vec<PackedBlock> {
+    let side = SELECT_WORKGROUP as usize;
+    let mut blocks = vec![PackedBlock::default(); trees.len().div_ceil(side)];
+    for (i, tree) in trees.iter().enumerate() {
+        blocks[i / side].add(tree, slot_of(i));
+    }
+    blocks
 }
 
 /// The words of an instance that name its species: no flags.
@@ -33,37 +63,32 @@ fn slot_of(packed: &GpuTreeInstance, species: &[SpeciesSlot]) -> SpeciesSlot {
     species.get(local).copied().unwrap_or(SpeciesSlot::NOT_RESIDENT)
 }
 
-/// Appends the trees of a forest to `out`.
+/// Appends the trees of a forest to `out`, in this order (indices of `instances`).
 pub(super) fn pack_forest(
     instances: &[GpuTreeInstance],
+    order: &[u32],
     world_from_forest: &Affine3A,
     species: &[SpeciesSlot],
     out: &mut Vec<GpuTreeInstance>,
-) -> Packed {
-    let mut found = Packed::default();
+) -> Vec<PackedBlock> {
+    let side = SELECT_WORKGROUP as usize;
+    let mut blocks = vec![PackedBlock::default(); order.len().div_ceil(side)];
     // Tiles are moved and seldom turned.
     let is_moved_only = world_from_forest.matrix3 == Mat3A::IDENTITY;
     let by = Vec3::from(world_from_forest.translation);
-    out.extend(instances.iter().map(|packed| {
+    out.extend(order.iter().enumerate().map(|(place, index)| {
+        let packed = &instances[*index as usize];
         let mut tree = *packed;
         if !is_moved_only {
             tree = TreeInstance::unpack(packed).in_world(world_from_forest).pack();
         } else if by != Vec3::ZERO {
             tree.position = (Vec3::from(packed.position) + by).to_array();
         }
-        let slot = slot_of(packed, species);
         tree.species_seed_flags = species_word(packed, species);
-        if slot.index != SPECIES_NOT_RESIDENT {
-            found.resident += 1;
-            let (position, reach) = (Vec3::from(tree.position), slot.reach * tree.scale);
-            if position.is_finite() && reach.is_finite() {
-                let reach = Vec3::splat(reach.abs());
-                found.bounds = found.bounds.including(position - reach).including(position + reach);
-            }
-        }
+        blocks[place / side].add(&tree, slot_of(packed, species));
         tree
     }));
-    found
+    blocks
 }
 
 #[cfg(test)]
@@ -87,12 +112,26 @@ mod tests {
     fn bounds_hold_every_tree_that_is_drawn() {
         let mut out = vec![];
         let moved = Affine3A::from_translation(Vec3::X * 100.0);
-        let packed = pack_forest(&trees(), &moved, &SPECIES(), &mut out);
+        let packed = pack_forest(&trees(), &[0, 1, 2, 3], &moved, &SPECIES(), &mut out);
         let bounds = Aabb { min: Vec3::new(97.0, -9.0, -8.0), max: Vec3::new(120.0, 11.0, 12.0) };
-        assert_eq!((packed.bounds, packed.resident), (bounds, 3));
+        assert_eq!(packed, [PackedBlock { bounds, count: 4, resident: 3 }]);
         let species: Vec<u32> = out.iter().map(|tree| tree.species_seed_flags).collect();
         assert_eq!(species, [7, 4, 0xffff, 7].map(|species| species | 9 << 16));
         assert_eq!(out[1].position, [110.0, 1.0, 2.0]);
+    }
+
+    #[test]
+    fn trees_are_packed_in_the_order_asked_for() {
+        let many: Vec<_> = (0..300).flat_map(|_| trees()).collect();
+        let order: Vec<u32> = (0..1200).rev().collect();
+        let mut out = vec![];
+        let blocks = pack_forest(&many, &order, &Affine3A::IDENTITY, &SPECIES(), &mut out);
+        assert_eq!(
+            blocks.iter().map(|block| block.count).collect::<Vec<_>>(),
+            [256, 256, 256, 256, 176]
+        );
+        assert_eq!(blocks.iter().map(|block| block.resident).sum::<u32>(), 900);
+        assert_eq!((out[3].position, out[2].position), (many[0].position, many[1].position));
     }
 
     #[test]
@@ -100,9 +139,10 @@ mod tests {
         let by = Vec3::new(5.0, -3.0, 70.0);
         let (mut quick, mut slow) = (vec![], vec![]);
         let trees = &trees()[..3];
-        pack_forest(trees, &Affine3A::from_translation(by), &SPECIES(), &mut quick);
+        let order = [0, 1, 2];
+        pack_forest(trees, &order, &Affine3A::from_translation(by), &SPECIES(), &mut quick);
         let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(1e-6), by);
-        pack_forest(trees, &turned, &SPECIES(), &mut slow);
+        pack_forest(trees, &order, &turned, &SPECIES(), &mut slow);
         for (a, b) in quick.iter().zip(&slow) {
             let (a, b) = (TreeInstance::unpack(a), TreeInstance::unpack(b));
             assert!(a.position.distance(b.position) < 1e-3 && a.species == b.species);

@@ -1,11 +1,13 @@
-//! The surfels of every species in two pools (hot and cold), and what selection knows of a species.
+//! The surfels of every species in two pools (hot and cold), cluster by cluster, and what selection knows of a species.
 //!
 //! In: loaded species; out: buffers, and a [`SpeciesSlot`] each, which stays while the species is used. Cost: all surfels
 //! whenever the set of species changes, else nothing.
 
 use crate::{
-    asset::{SurfelCold, SurfelHot, TreeAsset, TreeData},
-    gpu::types::{GpuSpecies, SPECIES_NOT_RESIDENT},
+    asset::{SurfelCold, SurfelHot, TreeAsset, TreeClusters, TreeData},
+    forest::SpeciesShape,
+    gpu::types::{GpuCluster, GpuSpecies, SPECIES_NOT_RESIDENT},
+    lod::splat_size::disc_radius,
     render::extract::ExtractedTrees,
 };
 use bevy::{
@@ -25,7 +27,7 @@ pub(in crate::render) struct SpeciesSlot {
     pub index: u32,
     /// [`SurfelPool::generation`] when its data came.
     generation: u64,
-    /// No point of a tree of scale 1 is farther from its position.
+    /// Nothing of a tree of scale 1 is farther from its position.
     pub reach: f32,
 }
 
@@ -45,22 +47,42 @@ pub(in crate::render) struct SurfelPool {
     /// What was asked for last, resident or not. Compared by pointer.
     requested: Vec<(AssetId<TreeAsset>, Arc<TreeData>)>,
     /// What the buffers hold.
-    resident: HashMap<AssetId<TreeAsset>, (Arc<TreeData>, SpeciesSlot)>,
+    resident: HashMap<AssetId<TreeAsset>, Resident>,
     pub buffers: Option<SurfelBuffers>,
     /// Grows with every change.
     pub generation: u64,
 }
 
+struct Resident {
+    tree: Arc<TreeData>,
+    clusters: Arc<TreeClusters>,
+    slot: SpeciesSlot,
+}
+
 impl SurfelPool {
     /// Where a species is.
     pub fn slot(&self, id: AssetId<TreeAsset>) -> SpeciesSlot {
-        self.resident.get(&id).map_or(SpeciesSlot::NOT_RESIDENT, |(_, slot)| *slot)
+        self.resident.get(&id).map_or(SpeciesSlot::NOT_RESIDENT, |resident| resident.slot)
+    }
+
+    /// What selection knows of each species, by its index on the GPU.
+    pub fn shapes(&self) -> Vec<Option<SpeciesShape>> {
+        let mut shapes = vec![];
+        for Resident { tree, slot, .. } in self.resident.values() {
+            let index = slot.index as usize;
+            if shapes.len() <= index {
+                shapes.resize(index + 1, None);
+            }
+            shapes[index] = Some(SpeciesShape::from(&**tree));
+        }
+        shapes
     }
 }
 
 /// Buffers of the pool.
 pub(in crate::render) struct SurfelBuffers {
     pub species: Buffer,
+    pub clusters: Buffer,
     pub hot: Buffer,
     pub cold: Buffer,
 }
@@ -72,7 +94,12 @@ fn same(
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.0 == b.0 && Arc::ptr_eq(&a.1, &b.1))
 }
 
-fn gpu_species(tree: &TreeData, first_point: u32) -> GpuSpecies {
+fn gpu_species(
+    tree: &TreeData,
+    first_point: u32,
+    first_cluster: u32,
+    level_count: u32,
+) -> GpuSpecies {
     GpuSpecies {
         lo: tree.bounds.min.to_array(),
         first_point,
@@ -84,6 +111,9 @@ fn gpu_species(tree: &TreeData, first_point: u32) -> GpuSpecies {
         surface_area: tree.surface_area,
         mean_leaf_area: tree.mean_leaf_area,
         sample_share: sample_share(tree),
+        first_cluster,
+        level_count,
+        pad: [0; 2],
     }
 }
 
@@ -92,6 +122,13 @@ fn sample_share(tree: &TreeData) -> f32 {
         return 0.0;
     }
     tree.point_count() as f32 * tree.pixel * tree.pixel / tree.surface_area
+}
+
+/// From the position of a tree of scale 1 to the far end of its farthest splat, where all points are drawn. (Where fewer
+/// are, splats are larger; the GPU reckons with that in pixels.)
+fn reach(tree: &TreeData) -> f32 {
+    let splat = disc_radius(tree.surface_area, tree.point_count() as f32);
+    tree.bounds.center().length() + tree.bounds.radius() + 3.0 * splat
 }
 
 /// Uploads the surfels of new species. The whole pool is written again when the set of species changes, which happens
@@ -109,8 +146,9 @@ pub(in crate::render) fn prepare_surfels(
     pool.generation += 1;
     let limits = device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    let before = std::mem::take(&mut pool.resident);
+    let mut before = std::mem::take(&mut pool.resident);
     let (mut hot, mut cold) = (Vec::<SurfelHot>::new(), Vec::<SurfelCold>::new());
+    let mut clusters = Vec::<GpuCluster>::new();
     let (mut species, mut taken) = (Vec::<GpuSpecies>::new(), Vec::<bool>::new());
     let mut claim = |index: usize, new: GpuSpecies| {
         if species.len() <= index {
@@ -125,7 +163,13 @@ pub(in crate::render) fn prepare_surfels(
         trees.species.iter().partition(|(id, _)| before.contains_key(id));
     let mut next = 0;
     for (id, tree) in known.into_iter().chain(new) {
-        let bytes = ((hot.len() + tree.point_count()) * size_of::<SurfelHot>()) as u64;
+        let kept = before.remove(id);
+        let index = kept.as_ref().map_or(next, |kept| kept.slot.index as usize);
+        let same = kept.filter(|kept| Arc::ptr_eq(&kept.tree, tree));
+        let layout = same
+            .as_ref()
+            .map_or_else(|| Arc::new(TreeClusters::of(tree)), |same| same.clusters.clone());
+        let bytes = ((hot.len() + layout.points.len()) * size_of::<SurfelHot>()) as u64;
         if bytes > limit {
             error!(
                 "a tree of {} points is not drawn: with it the surfel pool needs {bytes} bytes in one buffer, and this \
@@ -134,24 +178,29 @@ pub(in crate::render) fn prepare_surfels(
             );
             continue;
         }
-        let kept = before.get(id);
-        let index = kept.map_or(next, |(_, slot)| slot.index as usize);
-        next = claim(index, gpu_species(tree, hot.len() as u32));
-        let is_same = kept.is_some_and(|(data, _)| Arc::ptr_eq(data, tree));
+        let first_point = hot.len() as u32;
+        next =
+            claim(index, gpu_species(tree, first_point, clusters.len() as u32, layout.level_count));
         let slot = SpeciesSlot {
             index: index as u32,
-            generation: kept
-                .filter(|_| is_same)
-                .map_or(pool.generation, |(_, slot)| slot.generation),
-            reach: tree.bounds.center().length() + tree.bounds.radius(),
+            generation: same.map_or(pool.generation, |same| same.slot.generation),
+            reach: reach(tree),
         };
-        hot.extend_from_slice(&tree.hot);
-        cold.extend_from_slice(&tree.cold);
-        pool.resident.insert(*id, (tree.clone(), slot));
+        clusters.extend(layout.clusters.iter().map(|cluster| GpuCluster {
+            lo: cluster.bounds.min.to_array(),
+            first_point: first_point + cluster.first,
+            extent: cluster.bounds.extent().to_array(),
+            count: cluster.count,
+        }));
+        hot.extend(layout.points.iter().map(|i| tree.hot[*i as usize]));
+        cold.extend(layout.points.iter().map(|i| tree.cold[*i as usize]));
+        let resident = Resident { tree: tree.clone(), clusters: layout, slot };
+        pool.resident.insert(*id, resident);
     }
     // A binding may not be empty.
     if species.is_empty() {
         species.push(bytemuck::Zeroable::zeroed());
+        clusters.push(bytemuck::Zeroable::zeroed());
     }
     if hot.is_empty() {
         hot.push(bytemuck::Zeroable::zeroed());
@@ -167,6 +216,7 @@ pub(in crate::render) fn prepare_surfels(
     };
     pool.buffers = Some(SurfelBuffers {
         species: upload("treeline_species", bytemuck::cast_slice(&species)),
+        clusters: upload("treeline_clusters", bytemuck::cast_slice(&clusters)),
         hot: upload("treeline_surfels_hot", bytemuck::cast_slice(&hot)),
         cold: upload("treeline_surfels_cold", bytemuck::cast_slice(&cold)),
     });

@@ -6,7 +6,7 @@ mod variant;
 
 use super::{
     residency::{InstancePool, SurfelPool},
-    select::{grid, settings_binding},
+    select::{bound_settings, grid, settings_binding},
     view::{ViewResolvePipeline, ViewTrees, Views},
 };
 use crate::{
@@ -99,14 +99,14 @@ pub(super) fn init_resolve_pipelines(
         "treeline_resolve",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::VERTEX_FRAGMENT,
-            (read(), read(), read(), read(), read(), read()),
+            (read(), read(), read(), read(), read(), read(), read(), read()),
         ),
     );
     let debug_layout = BindGroupLayoutDescriptor::new(
         "treeline_resolve_debug",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::VERTEX_FRAGMENT,
-            (read(), read(), read(), read(), read(), read(), read(), settings_binding()),
+            (read(), read(), read(), read(), read(), read(), read(), read(), settings_binding()),
         ),
     );
     let no_vertices = VertexBufferLayout {
@@ -215,7 +215,7 @@ pub(super) fn prepare_resolve_groups(
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(classify), Some(resolve), Some(surfels), Some(instances)) =
+    let (Some(classify), Some(resolve), Some(surfels), Some(tree_buffer)) =
         (classify, resolve, &surfels.buffers, &instances.buffer)
     else {
         return;
@@ -226,7 +226,7 @@ pub(super) fn prepare_resolve_groups(
             "treeline_classify",
             &cache.get_bind_group_layout(&classify.layout),
             &BindGroupEntries::sequential((
-                view.settings.as_entire_binding(),
+                bound_settings(view),
                 view.visibility.as_entire_binding(),
                 view.blocks.as_entire_binding(),
                 view.counters.as_entire_binding(),
@@ -241,21 +241,22 @@ pub(super) fn prepare_resolve_groups(
             )),
         );
         let drawn = [
-            instances.as_entire_binding(),
+            tree_buffer.as_entire_binding(),
             view.items.as_entire_binding(),
             surfels.hot.as_entire_binding(),
             surfels.cold.as_entire_binding(),
             view.visibility.as_entire_binding(),
             view.blocks.as_entire_binding(),
+            surfels.species.as_entire_binding(),
+            instances.samples().as_entire_binding(),
         ];
-        let debugged = [surfels.species.as_entire_binding(), view.settings.as_entire_binding()];
         let (layout, debugged) = match debug_view(settings) {
             DebugView::Off => (&resolve.layout, None),
-            _ => (&resolve.debug_layout, Some(debugged)),
+            _ => (&resolve.debug_layout, Some(bound_settings(view))),
         };
         let entries: Vec<BindGroupEntry> = drawn
             .into_iter()
-            .chain(debugged.into_iter().flatten())
+            .chain(debugged)
             .zip(0..)
             .map(|(resource, binding)| BindGroupEntry { binding, resource })
             .collect();

@@ -1,15 +1,18 @@
 //! Selection: which points of which instances a view draws, as work items of up to 64 points.
 //!
-//! `cull_instances` → `scan_blocks` → `emit_items`. What a work item draws is a run of the surfel pool: today a piece
-//! of the prefix; a view's own list or a cut through a hierarchy would emit other runs and nothing after this stage
+//! Twice a frame, before and after the depth pyramid: `cull_blocks` → `list_blocks` → `cull_instances` → `scan_blocks` →
+//! `emit_runs` → `expand_items`. What a work item draws is a run of the surfel pool: a piece of a cluster's list, or
+//! samples of a grove; a view's own list or a cut through a hierarchy would emit other runs and nothing after this stage
 //! would change.
 
 use super::{
     residency::{InstancePool, SurfelPool},
-    view::{ViewTrees, Views},
+    view::{PHASE_STRIDE, ViewBuffers, ViewTrees, Views},
 };
 use crate::{
-    gpu::types::{GpuCounters, GpuSelectSettings, POINTS_PER_ITEM, SELECT_WORKGROUP},
+    gpu::types::{
+        GpuCounters, GpuIndirectArgs, GpuSelectSettings, POINTS_PER_ITEM, SELECT_WORKGROUP,
+    },
     shaders,
 };
 use bevy::{
@@ -22,15 +25,39 @@ use bevy::{
     },
     shader::ShaderDefVal,
 };
-use std::num::NonZeroU64;
+use std::{mem::offset_of, num::NonZeroU64};
+
+/// The passes, in their order.
+const PASSES: [(&str, &str, Bindings); 6] = [
+    ("cull_blocks", shaders::CULL_BLOCKS, Bindings::Cull),
+    ("list_blocks", shaders::LIST_BLOCKS, Bindings::Scan),
+    ("cull_instances", shaders::CULL_INSTANCES, Bindings::Cull),
+    ("scan_blocks", shaders::SCAN_BLOCKS, Bindings::Scan),
+    ("emit_runs", shaders::EMIT_RUNS, Bindings::Emit),
+    ("expand_items", shaders::EXPAND_ITEMS, Bindings::Expand),
+];
+
+/// What a pass binds besides group 0, so that none needs more than 8 storage buffers.
+#[derive(Clone, Copy)]
+enum Bindings {
+    /// Trees, clusters, pyramids.
+    Cull,
+    /// Arguments of what follows, runs.
+    Scan,
+    /// As `Cull`, and the runs.
+    Emit,
+    /// Runs and items.
+    Expand,
+}
 
 #[derive(Resource)]
 pub(super) struct SelectPipelines {
-    layout: BindGroupLayoutDescriptor,
-    args_layout: BindGroupLayoutDescriptor,
-    cull_instances: CachedComputePipelineId,
-    scan_blocks: CachedComputePipelineId,
-    emit_items: CachedComputePipelineId,
+    common: BindGroupLayoutDescriptor,
+    cull: BindGroupLayoutDescriptor,
+    scan: BindGroupLayoutDescriptor,
+    runs: BindGroupLayoutDescriptor,
+    expand: BindGroupLayoutDescriptor,
+    passes: [CachedComputePipelineId; 6],
 }
 
 /// Constants that WGSL gets from Rust.
@@ -41,8 +68,26 @@ pub(super) fn constants() -> Vec<ShaderDefVal> {
     ]
 }
 
+/// Bytes of the settings of a phase.
+const SETTINGS_SIZE: Option<NonZeroU64> = NonZeroU64::new(size_of::<GpuSelectSettings>() as u64);
+
+/// The settings of a view, without a phase.
 pub(super) fn settings_binding() -> BindGroupLayoutEntryBuilder {
-    uniform_buffer_sized(false, NonZeroU64::new(size_of::<GpuSelectSettings>() as u64))
+    uniform_buffer_sized(false, SETTINGS_SIZE)
+}
+
+/// Those of a phase: a dynamic offset.
+pub(super) fn phase_settings_binding() -> BindGroupLayoutEntryBuilder {
+    uniform_buffer_sized(true, SETTINGS_SIZE)
+}
+
+/// The settings as they are bound, whichever phase.
+pub(super) fn bound_settings(view: &ViewBuffers) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding {
+        buffer: &view.settings,
+        offset: 0,
+        size: SETTINGS_SIZE,
+    })
 }
 
 pub(super) fn init_select_pipelines(
@@ -52,56 +97,62 @@ pub(super) fn init_select_pipelines(
 ) {
     let read = || storage_buffer_read_only_sized(false, None);
     let write = || storage_buffer_sized(false, None);
-    let layout = BindGroupLayoutDescriptor::new(
+    let group = |label: &'static str, entries: &[BindGroupLayoutEntry]| {
+        BindGroupLayoutDescriptor::new(label, entries)
+    };
+    let stage = ShaderStages::COMPUTE;
+    let counters = storage_buffer_sized(false, NonZeroU64::new(size_of::<GpuCounters>() as u64));
+    let common = group(
         "treeline_select",
         &BindGroupLayoutEntries::sequential(
-            ShaderStages::COMPUTE,
+            stage,
             (
                 uniform_buffer::<ViewUniform>(true),
-                settings_binding(),
-                read(),
-                read(),
+                phase_settings_binding(),
                 read(),
                 write(),
-                write(),
-                write(),
-                storage_buffer_sized(false, NonZeroU64::new(size_of::<GpuCounters>() as u64)),
+                counters,
             ),
         ),
     );
-    let args_layout = BindGroupLayoutDescriptor::new(
-        "treeline_args",
-        &BindGroupLayoutEntries::single(ShaderStages::COMPUTE, write()),
+    let cull = group(
+        "treeline_cull",
+        &BindGroupLayoutEntries::sequential(stage, (read(), read(), read(), read())),
     );
-    let pipeline =
-        |entry: &'static str, path: &'static str, layout: Vec<BindGroupLayoutDescriptor>| {
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some(format!("treeline_{entry}").into()),
-                layout,
-                shader: asset_server.load(path),
-                shader_defs: constants(),
-                entry_point: Some(entry.into()),
-                ..default()
-            })
+    let scan =
+        group("treeline_scan", &BindGroupLayoutEntries::sequential(stage, (write(), write())));
+    let runs = group("treeline_runs", &BindGroupLayoutEntries::single(stage, write()));
+    let expand = group(
+        "treeline_expand",
+        &BindGroupLayoutEntries::sequential(stage, (read(), read(), read(), write(), write())),
+    );
+    let passes = PASSES.map(|(entry, path, bindings)| {
+        let layout = match bindings {
+            Bindings::Cull => vec![common.clone(), cull.clone()],
+            Bindings::Scan => vec![common.clone(), scan.clone()],
+            Bindings::Emit => vec![common.clone(), cull.clone(), runs.clone()],
+            Bindings::Expand => vec![common.clone(), expand.clone()],
         };
-    commands.insert_resource(SelectPipelines {
-        cull_instances: pipeline("cull_instances", shaders::CULL_INSTANCES, vec![layout.clone()]),
-        scan_blocks: pipeline(
-            "scan_blocks",
-            shaders::SCAN_BLOCKS,
-            vec![layout.clone(), args_layout.clone()],
-        ),
-        emit_items: pipeline("emit_items", shaders::EMIT_ITEMS, vec![layout.clone()]),
-        layout,
-        args_layout,
+        cache.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(format!("treeline_{entry}").into()),
+            layout,
+            shader: asset_server.load(path),
+            shader_defs: constants(),
+            entry_point: Some(entry.into()),
+            ..default()
+        })
     });
+    commands.insert_resource(SelectPipelines { common, cull, scan, runs, expand, passes });
 }
 
 /// On cameras that draw trees.
 #[derive(Component)]
 pub(super) struct SelectGroups {
-    main: BindGroup,
-    args: BindGroup,
+    common: BindGroup,
+    cull: BindGroup,
+    scan: BindGroup,
+    runs: BindGroup,
+    expand: BindGroup,
 }
 
 #[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
@@ -116,34 +167,62 @@ pub(super) fn prepare_select_groups(
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(pipelines), Some(surfels), Some(instances), Some(uniforms)) =
+    let (Some(pipelines), Some(surfels), Some(trees), Some(uniforms)) =
         (pipelines, &surfels.buffers, &instances.buffer, view_uniforms.uniforms.binding())
     else {
         return;
     };
-    for (entity, trees) in &cameras {
-        let Some(view) = views.get(trees) else { continue };
-        let main = device.create_bind_group(
+    let group = |label, layout: &BindGroupLayoutDescriptor, entries: &[BindGroupEntry]| {
+        device.create_bind_group(label, &cache.get_bind_group_layout(layout), entries)
+    };
+    for (entity, view_trees) in &cameras {
+        let Some(view) = views.get(view_trees) else { continue };
+        let common = group(
             "treeline_select",
-            &cache.get_bind_group_layout(&pipelines.layout),
+            &pipelines.common,
             &BindGroupEntries::sequential((
                 uniforms.clone(),
-                view.settings.as_entire_binding(),
-                surfels.species.as_entire_binding(),
-                instances.as_entire_binding(),
+                bound_settings(view),
+                instances.blocks.buffer().as_entire_binding(),
                 view.view_blocks.as_entire_binding(),
-                view.draws.as_entire_binding(),
-                view.block_items.as_entire_binding(),
-                view.items.as_entire_binding(),
                 view.counters.as_entire_binding(),
             )),
         );
-        let args = device.create_bind_group(
-            "treeline_args",
-            &cache.get_bind_group_layout(&pipelines.args_layout),
-            &BindGroupEntries::single(view.args.as_entire_binding()),
+        let cull = group(
+            "treeline_cull",
+            &pipelines.cull,
+            &BindGroupEntries::sequential((
+                surfels.species.as_entire_binding(),
+                surfels.clusters.as_entire_binding(),
+                trees.as_entire_binding(),
+                view.pyramid.as_entire_binding(),
+            )),
         );
-        commands.entity(entity).insert(SelectGroups { main, args });
+        let scan = group(
+            "treeline_scan",
+            &pipelines.scan,
+            &BindGroupEntries::sequential((
+                view.args.as_entire_binding(),
+                view.runs.as_entire_binding(),
+            )),
+        );
+        let runs = group(
+            "treeline_runs",
+            &pipelines.runs,
+            &BindGroupEntries::single(view.runs.as_entire_binding()),
+        );
+        let expand = group(
+            "treeline_expand",
+            &pipelines.expand,
+            &BindGroupEntries::sequential((
+                surfels.species.as_entire_binding(),
+                trees.as_entire_binding(),
+                view.runs.as_entire_binding(),
+                view.items.as_entire_binding(),
+                view.splat_items.as_entire_binding(),
+            )),
+        );
+        commands.entity(entity).insert(SelectGroups { common, cull, scan, runs, expand });
     }
 }
 
@@ -153,8 +232,9 @@ pub(super) fn grid(count: u32) -> (u32, u32) {
     (count.div_ceil(rows), rows)
 }
 
-/// Runs the selection of a view.
-pub(super) fn select(
+/// Runs a phase of the selection of a view: what the frame before does not hide, and then what it hid and this frame
+/// does not.
+pub(super) fn select<const PHASE: u32>(
     view: ViewQuery<(&ViewTrees, &SelectGroups, &ViewUniformOffset)>,
     views: Res<Views>,
     pipelines: Res<SelectPipelines>,
@@ -162,31 +242,47 @@ pub(super) fn select(
     mut ctx: RenderContext,
 ) {
     let (trees, groups, view_offset) = view.into_inner();
-    let (Some(cull), Some(scan), Some(emit), Some(buffers)) = (
-        cache.get_compute_pipeline(pipelines.cull_instances),
-        cache.get_compute_pipeline(pipelines.scan_blocks),
-        cache.get_compute_pipeline(pipelines.emit_items),
-        views.get(trees),
-    ) else {
+    let passes: Option<Vec<_>> =
+        pipelines.passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
+    let (Some(passes), Some(buffers)) = (passes, views.get(trees)) else { return };
+    if PHASE == 1 && !buffers.two_phases {
         return;
-    };
+    }
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
-    encoder.clear_buffer(&buffers.counters, 0, None);
-    let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-        label: Some("treeline_select"),
-        timestamp_writes: None,
-    });
-    let span = diagnostics.pass_span(&mut pass, "treeline_select");
-    let (x, y) = grid(buffers.block_count);
-    pass.set_bind_group(0, &groups.main, &[view_offset.offset]);
-    pass.set_pipeline(cull);
-    pass.dispatch_workgroups(x, y, 1);
-    pass.set_pipeline(scan);
-    pass.set_bind_group(1, &groups.args, &[]);
-    pass.dispatch_workgroups(1, 1, 1);
-    pass.set_pipeline(emit);
-    pass.dispatch_workgroups(x, y, 1);
+    if PHASE == 0 {
+        encoder.clear_buffer(&buffers.counters, 0, None);
+    }
+    let label = if PHASE == 0 { "treeline_select" } else { "treeline_select_second" };
+    let mut pass = encoder
+        .begin_compute_pass(&ComputePassDescriptor { label: Some(label), timestamp_writes: None });
+    let span = diagnostics.pass_span(&mut pass, label);
+    pass.set_bind_group(0, &groups.common, &[view_offset.offset, PHASE * PHASE_STRIDE]);
+    for ((entry, _, bindings), pipeline) in PASSES.iter().zip(passes) {
+        match bindings {
+            Bindings::Cull | Bindings::Emit => pass.set_bind_group(1, &groups.cull, &[]),
+            Bindings::Scan => pass.set_bind_group(1, &groups.scan, &[]),
+            Bindings::Expand => pass.set_bind_group(1, &groups.expand, &[]),
+        }
+        if let Bindings::Emit = bindings {
+            pass.set_bind_group(2, &groups.runs, &[]);
+        }
+        pass.set_pipeline(pipeline);
+        match *entry {
+            "cull_blocks" => {
+                pass.dispatch_workgroups(buffers.block_count.div_ceil(64), 1, 1);
+            }
+            "cull_instances" | "emit_runs" => {
+                let at = offset_of!(GpuIndirectArgs, cull) as u64;
+                pass.dispatch_workgroups_indirect(&buffers.args, at);
+            }
+            "expand_items" => {
+                let at = offset_of!(GpuIndirectArgs, expand) as u64;
+                pass.dispatch_workgroups_indirect(&buffers.args, at);
+            }
+            _ => pass.dispatch_workgroups(1, 1, 1),
+        }
+    }
     span.end(&mut pass);
 }

@@ -1,13 +1,17 @@
 //! Splatting: work items → visibility buffer, which keeps the nearest point of each pixel.
 //!
-//! `init_visibility` → `splat_u64`, or `splat_depth` → `splat_payload` without 64-bit atomics.
+//! `init_visibility`, then in each phase `splat_u64`, or `splat_depth` → `splat_payload` without 64-bit atomics.
 
 use super::{
     residency::{InstancePool, SurfelPool},
-    select::{constants, settings_binding},
-    view::{ViewTrees, Views},
+    select::{bound_settings, constants, phase_settings_binding},
+    view::{PHASE_STRIDE, ViewTrees, Views},
 };
-use crate::{forest::SplatPath, gpu::types::GpuCounters, shaders};
+use crate::{
+    forest::SplatPath,
+    gpu::types::{GpuCounters, GpuIndirectArgs},
+    shaders,
+};
 use bevy::{
     core_pipeline::{core_3d::CORE_3D_DEPTH_FORMAT, prepass::ViewPrepassTextures},
     prelude::*,
@@ -104,7 +108,9 @@ pub(super) fn init_splat_pipelines(
             ShaderStages::COMPUTE,
             (
                 uniform_buffer::<ViewUniform>(true),
-                settings_binding(),
+                phase_settings_binding(),
+                read(),
+                read(),
                 read(),
                 read(),
                 read(),
@@ -179,7 +185,7 @@ pub(super) fn prepare_splat_groups(
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(pipelines), Some(surfels), Some(instances), Some(uniforms)) =
+    let (Some(pipelines), Some(surfels), Some(tree_buffer), Some(uniforms)) =
         (pipelines, &surfels.buffers, &instances.buffer, view_uniforms.uniforms.binding())
     else {
         return;
@@ -191,11 +197,13 @@ pub(super) fn prepare_splat_groups(
             &cache.get_bind_group_layout(&pipelines.layout),
             &BindGroupEntries::sequential((
                 uniforms.clone(),
-                view.settings.as_entire_binding(),
+                bound_settings(view),
                 surfels.species.as_entire_binding(),
-                instances.as_entire_binding(),
-                view.items.as_entire_binding(),
+                tree_buffer.as_entire_binding(),
+                instances.blocks.buffer().as_entire_binding(),
+                view.splat_items.as_entire_binding(),
                 surfels.hot.as_entire_binding(),
+                instances.samples().as_entire_binding(),
                 view.counters.as_entire_binding(),
             )),
         );
@@ -217,8 +225,8 @@ pub(super) fn prepare_splat_groups(
     }
 }
 
-/// Draws the selected points of a view into its visibility buffer.
-pub(super) fn splat(
+/// Draws the points that a phase has selected into the visibility buffer; the first makes it, too.
+pub(super) fn splat<const PHASE: u32>(
     view: ViewQuery<(&ViewTrees, &SplatGroups, &ViewUniformOffset)>,
     views: Res<Views>,
     pipelines: Res<SplatPipelines>,
@@ -231,24 +239,29 @@ pub(super) fn splat(
     else {
         return;
     };
+    if PHASE == 1 && !buffers.two_phases {
+        return;
+    }
     let passes: Option<Vec<_>> =
         pipelines.passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
+    let label = if PHASE == 0 { "treeline_splat" } else { "treeline_splat_second" };
     let encoder = ctx.command_encoder();
-    let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-        label: Some("treeline_splat"),
-        timestamp_writes: None,
-    });
-    let span = diagnostics.pass_span(&mut pass, "treeline_splat");
-    pass.set_bind_group(0, &groups.main, &[view_offset.offset]);
-    pass.set_pipeline(init);
-    pass.set_bind_group(1, &groups.init, &[]);
-    pass.dispatch_workgroups(buffers.size.x.div_ceil(64), buffers.size.y, 1);
+    let mut pass = encoder
+        .begin_compute_pass(&ComputePassDescriptor { label: Some(label), timestamp_writes: None });
+    let span = diagnostics.pass_span(&mut pass, label);
+    pass.set_bind_group(0, &groups.main, &[view_offset.offset, PHASE * PHASE_STRIDE]);
+    if PHASE == 0 {
+        pass.set_pipeline(init);
+        pass.set_bind_group(1, &groups.init, &[]);
+        pass.dispatch_workgroups(buffers.size.x.div_ceil(64), buffers.size.y, 1);
+    }
     pass.set_bind_group(1, &groups.visibility, &[]);
     for pipeline in passes.into_iter().flatten() {
         pass.set_pipeline(pipeline);
-        pass.dispatch_workgroups_indirect(&buffers.args, 0);
+        let at = std::mem::offset_of!(GpuIndirectArgs, splat) as u64;
+        pass.dispatch_workgroups_indirect(&buffers.args, at);
     }
     span.end(&mut pass);
 }

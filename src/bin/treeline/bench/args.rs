@@ -82,9 +82,12 @@ pub struct BenchArgs {
     /// Folder for results and pictures.
     #[arg(long, default_value = "out/bench")]
     pub out: PathBuf,
-    /// Earlier results (results.json): says what differs from them beyond noise.
+    /// Earlier results (results.json): says what differs from them beyond noise, and fails if something got worse.
     #[arg(long)]
     pub compare: Option<PathBuf>,
+    /// Measure nothing: report of earlier results (results.json), with commas of several together.
+    #[arg(long, value_delimiter = ',')]
+    pub report: Vec<PathBuf>,
     /// Seconds after which a run is stopped.
     #[arg(long, default_value_t = 900.0, allow_negative_numbers = true)]
     pub time_limit: f64,
@@ -115,8 +118,9 @@ impl BenchArgs {
 
 fn after_help() -> String {
     format!(
-        "Techniques (NAME or NAME+VARIANT):\n{}\n\nEach configuration runs in a process of its own; one that fails gets a row whose \
-         status says why.\nResults: results.csv, results.json, pictures. docs/benchmarks/README.md explains protocol and columns.",
+        "Techniques (NAME or NAME+VARIANT):\n{}\n\nEach configuration runs in a process of its own; one that fails gets a \
+         row whose status says why.\nResults: results.csv, results.json, plots, pictures, report.html. \
+         docs/benchmarks/README.md explains the protocol, schema.md beside it the columns.",
         technique::list()
     )
 }

@@ -2,8 +2,8 @@
 //!
 //! In: a scene, a tree, counts and techniques. Each configuration (`plan`) runs in a process of its own (`process`, `child`),
 //! round by round (`run`), so that a slow hour of the machine meets all of them. Out: a row of medians for each (`row`,
-//! `stats`), pictures and error maps (`truth`, `errors`), tables, plots and a report (`table`, `plot`, `report`), and what
-//! differs from earlier results (`compare_runs`).
+//! `stats`), pictures and error maps (`truth`, `errors`), tables, plots and a report (`publish`: `table`, `plot`,
+//! `report`), and what differs from earlier results (`compare_runs`).
 //!
 //! `scenes` says what is drawn, `technique` who draws it; both are a trait with a file for each that implements it.
 
@@ -17,6 +17,7 @@ mod measure;
 mod plan;
 mod plot;
 mod process;
+mod publish;
 mod report;
 mod row;
 mod run;
@@ -35,7 +36,6 @@ mod truth;
 pub use args::BenchArgs;
 
 use crate::options::{ToolError, ToolResult, make_folder};
-use compare_runs::compare;
 use machine::Machine;
 use row::{Results, SCHEMA};
 use run::Bench;
@@ -53,7 +53,15 @@ pub fn run(args: &BenchArgs) -> ToolResult {
     }
     // What cannot be done is said before anything takes minutes.
     args::check_args(args)?;
-    let old = args.compare.as_deref().map(table::read_results).transpose()?;
+    let old = match &args.compare {
+        Some(path) => Some((path, table::read_results(path)?)),
+        None => None,
+    };
+    if !args.report.is_empty() {
+        let results = publish::publish_again(&args.report, &args.out)?;
+        println!("results.csv, results.json, plots, report.html in {}", args.out.display());
+        return old.map_or(Ok(()), |(path, old)| publish::compare_with(path, &old, &results));
+    }
     let machine = Machine::find()?;
     let tree = Tree::load(args.tree())?;
     let configurations = plan::configurations(args, &tree)?;
@@ -66,24 +74,16 @@ pub fn run(args: &BenchArgs) -> ToolResult {
         tempfile::tempdir().map_err(|error| ToolError::write(&std::env::temp_dir(), error))?;
     let bench = Bench { args, machine, tree, work: work.path() };
     let rows = bench.measure(&configurations)?;
-    let (rows, pictures) = bench.hold_against_truth(&configurations, rows)?;
+    let rows = bench.hold_against_truth(&configurations, rows)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let results = Results { schema: SCHEMA, machine: bench.machine.facts(), command, rows };
-    table::write_results(&args.out, &results)?;
-    report::write_report(&args.out, &results, &pictures)?;
+    publish::publish(&args.out, &results, &publish::pictures(&args.out, &results.rows))?;
     println!("{}", terminal::table(&results.rows));
-    println!("results.csv, results.json, report.html, pictures in {}", args.out.display());
-    if let Some(old) = old {
-        let comparison = compare(&old, &results);
-        println!("{}", comparison.text);
-        if comparison.worse {
-            return Err(ToolError::Message(
-                "worse than the results of --compare, see above".into(),
-            ));
-        }
+    println!("results.csv, results.json, plots, pictures, report.html in {}", args.out.display());
+    if !results.rows.iter().any(row::Row::ran) {
+        return Err(ToolError::Message(
+            "nothing could be measured; the column `status` says why".into(),
+        ));
     }
-    if results.rows.iter().any(row::Row::ran) {
-        return Ok(());
-    }
-    Err(ToolError::Message("nothing could be measured; the column `status` says why".into()))
+    old.map_or(Ok(()), |(path, old)| publish::compare_with(path, &old, &results))
 }

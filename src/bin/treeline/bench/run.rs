@@ -7,7 +7,7 @@ use super::{
     machine::Machine,
     plan::Configuration,
     process::{self, Limits},
-    report::Picture,
+    publish,
     row::Row,
     scenes::{self, SceneArg, landscape},
     stats::merge_runs,
@@ -16,7 +16,6 @@ use super::{
     truth::{self, TRUTH, TruthFiles},
 };
 use crate::options::{ToolError, ToolResult, make_folder, write_png};
-use image::RgbaImage;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
     ffi::OsString,
@@ -126,63 +125,30 @@ impl Bench<'_> {
         &self,
         configurations: &[Configuration],
         mut rows: Vec<Row>,
-    ) -> ToolResult<(Vec<Row>, Vec<Picture>)> {
-        let mut pictures: Vec<Picture> = vec![];
+    ) -> ToolResult<Vec<Row>> {
+        let single = self.args.scene == SceneArg::Single;
         for (configuration, row) in configurations.iter().zip(&mut rows) {
             if !row.ran() {
                 continue;
             }
             let folder = self.folder(configuration);
             let shot = Shot::read(&folder.join(child::PICTURE), &folder.join(child::COVER))?;
-            let truth = match self.truth(configuration)? {
-                Some(files) => Some(Shot::read(&files.picture, &files.cover)?),
-                None => None,
-            };
-            let mut error_map = None;
-            if let Some(truth) = &truth {
-                let of_truth = Configuration { technique: TRUTH.into(), ..configuration.clone() };
-                if !pictures.iter().any(|p| p.image == self.picture_file(&of_truth, "")) {
-                    let label = format!("{}, 16 samples a pixel", of_truth.camera());
-                    pictures.push(self.picture(&of_truth, label, &truth.picture, None)?);
-                }
-                let scene = scenes::scene(self.args, configuration, &self.tree)?;
-                let below = scene.first_row_below(self.args.size.1);
-                let single = self.args.scene == SceneArg::Single;
-                error_map = Some(errors::fill(&shot, truth, single, below, row)?);
-            }
-            let flip = row.flip_mean.map_or(String::new(), |flip| format!(", FLIP {flip:.3}"));
-            let label = format!("{}{flip}", configuration.camera());
-            pictures.push(self.picture(configuration, label, &shot.picture, error_map.as_ref())?);
+            write_png(&self.picture_file(configuration, ""), &shot.picture)?;
+            let Some(files) = self.truth(configuration)? else { continue };
+            let truth = Shot::read(&files.picture, &files.cover)?;
+            let scene = scenes::scene(self.args, configuration, &self.tree)?;
+            let below = scene.first_row_below(self.args.size.1);
+            let map = errors::fill(&shot, &truth, single, below, row)?;
+            write_png(&self.picture_file(configuration, "_error"), &map)?;
+            let of_truth = Configuration { technique: TRUTH.into(), ..configuration.clone() };
+            write_png(&self.picture_file(&of_truth, ""), &truth.picture)?;
         }
-        Ok((rows, pictures))
+        Ok(rows)
     }
 
     fn picture_file(&self, configuration: &Configuration, ending: &str) -> PathBuf {
         let name = format!("{}{ending}.png", configuration.file_stem());
-        self.args.out.join("pictures").join(name)
-    }
-
-    /// Writes a picture and its error map.
-    fn picture(
-        &self,
-        configuration: &Configuration,
-        label: String,
-        image: &RgbaImage,
-        error_map: Option<&RgbaImage>,
-    ) -> ToolResult<Picture> {
-        let file = self.picture_file(configuration, "");
-        write_png(&file, image)?;
-        let map = error_map.map(|map| (self.picture_file(configuration, "_error"), map));
-        if let Some((file, map)) = &map {
-            write_png(file, map)?;
-        }
-        Ok(Picture {
-            label,
-            technique: configuration.technique.clone(),
-            instances: configuration.instances,
-            image: file,
-            error_map: map.map(|(file, _)| file),
-        })
+        self.args.out.join(publish::PICTURES).join(name)
     }
 
     /// The truth of a configuration, rendered if it is not kept yet; none if it would take too much.

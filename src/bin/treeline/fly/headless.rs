@@ -54,6 +54,8 @@ struct FrameStats {
     in_fade: u32,
     near_meshes: usize,
     near_left_as_points: usize,
+    /// q as drawn: less than --quality where a budget asks for it.
+    quality: f32,
     points: u32,
     work_items: u32,
     overflow: u32,
@@ -226,6 +228,7 @@ fn stats(app: &App, camera: Entity, frame: u32, t: f32) -> FrameStats {
         in_fade: counters.in_fade,
         near_meshes: near.len(),
         near_left_as_points: near.left_as_points(),
+        quality: counters.quality,
         points: counters.points,
         work_items: counters.items,
         overflow: counters.item_overflow,

@@ -90,6 +90,12 @@ pub struct FlyArgs {
     /// q: points per pixel of surface.
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true, value_parser = parse_quality)]
     pub quality: f32,
+    /// Points a frame that q is lowered for, such as 500k or 2M (q is not raised above --quality).
+    #[arg(long, value_parser = parse_count, conflicts_with = "budget_ms", allow_negative_numbers = true)]
+    pub budget_points: Option<u64>,
+    /// GPU milliseconds of the trees' passes that q is lowered for, where the adapter measures time.
+    #[arg(long, allow_negative_numbers = true)]
+    pub budget_ms: Option<f32>,
     /// Meshes up to this distance at least, metres.
     #[arg(long, default_value_t = bevy_treeline::TreelineSettings::default().min_mesh_distance, allow_negative_numbers = true)]
     pub mesh_distance: f32,
@@ -151,6 +157,14 @@ fn check_args(args: &FlyArgs) -> ToolResult {
     check((0.0..=1.0).contains(&args.season), "--season must be 0 (summer) to 1 (autumn)")?;
     check(args.visibility >= 100.0, "--visibility must be at least 100 metres")?;
     check(args.tree_distance >= 100.0, "--tree-distance must be at least 100 metres")?;
+    check(
+        args.budget_points.is_none_or(|n| (1..=u64::from(u32::MAX)).contains(&n)),
+        "--budget-points must be 1 to 4294M",
+    )?;
+    check(
+        args.budget_ms.is_none_or(|ms| ms > 0.0 && ms.is_finite()),
+        "--budget-ms must be a positive number of milliseconds, such as 4",
+    )?;
     check(args.mesh_distance >= 0.0, "--mesh-distance must be 0 or a distance in metres")?;
     check(args.start.is_finite() && args.way.is_finite(), "--start and --way must be numbers")
 }

@@ -19,7 +19,7 @@ use bevy::{
     prelude::*,
 };
 use bevy_treeline::{
-    NearMeshes, TreelineSettings, UploadBudget,
+    GovernorBudget, NearMeshes, QualityGovernor, TreelineSettings, UploadBudget,
     gpu::headless::headless_device,
     landscape::{
         BiomeSettings, Biomes, Crown, DemTerrain, FlightPath, FlightSettings, ForestShade, Ground,
@@ -281,6 +281,10 @@ pub fn camera(world: &mut World, args: &FlyArgs) -> Entity {
     ));
     let camera = camera.id();
     world.entity_mut(camera).insert(Tonemapping::AcesFitted);
+    let points = args.budget_points.map(|n| GovernorBudget::Points(n as u32));
+    if let Some(budget) = points.or(args.budget_ms.map(GovernorBudget::GpuMillis)) {
+        world.entity_mut(camera).insert(QualityGovernor::new(budget));
+    }
     if world.resource::<HasAtmosphere>().0 {
         let medium = ScatteringMedium::earth(256, 256);
         let medium = world.resource_mut::<Assets<ScatteringMedium>>().add(medium);

@@ -41,6 +41,11 @@ pub trait Technique {
     /// Adds to the camera.
     fn set_up_camera(&self, camera: &mut EntityWorldMut);
 
+    /// Whether what it makes in the background is done.
+    fn is_settled(&self, _app: &App, _camera: Entity) -> bool {
+        true
+    }
+
     /// Fills the columns that only this technique knows, after the last frame.
     fn read(&self, _app: &App, _camera: Entity, _row: &mut Row) {}
 }

@@ -12,7 +12,7 @@ use bevy::{
     render::{renderer::RenderDevice, settings::WgpuFeatures},
 };
 use bevy_treeline::{
-    CacheLocation, Forest, NearMeshes, TreeInstance, TreelineCounters, TreelinePlugin,
+    CacheLocation, Forest, NearMeshes, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin,
     TreelineSettings,
 };
 use std::{collections::BTreeMap, time::Instant};
@@ -55,6 +55,11 @@ struct Variant {
 /// All variants: `points+name`.
 const VARIANTS: &[Variant] = &[
     Variant { name: "nearmeshes-off", apply: |points| points.near_meshes = false },
+    Variant { name: "occlusion-off", apply: |points| points.settings.occlusion = Occlusion::Off },
+    Variant {
+        name: "occlusion-exact",
+        apply: |points| points.settings.occlusion = Occlusion::Exact,
+    },
     Variant { name: "q1", apply: |points| points.quality = Some(1.0) },
     Variant { name: "q2", apply: |points| points.quality = Some(2.0) },
     Variant { name: "q4", apply: |points| points.quality = Some(4.0) },
@@ -140,6 +145,11 @@ impl Technique for Points {
         camera.insert((DepthPrepass, NormalPrepass, msaa, self.settings.clone()));
     }
 
+    fn is_settled(&self, app: &App, camera: Entity) -> bool {
+        let counters = app.world().resource::<TreelineCounters>().of(camera);
+        counters.is_some_and(|c| c.waiting_forests == 0 && c.pending_groves == 0)
+    }
+
     fn read(&self, app: &App, camera: Entity, row: &mut Row) {
         row.points_baked = Some(self.baked_points);
         row.bytes_per_point = Some(self.surfel_bytes as f64 / self.baked_points.max(1) as f64);
@@ -152,6 +162,7 @@ impl Technique for Points {
         row.culled_tiles = Some(counters.culled_tiles.into());
         row.culled_frustum = Some(counters.culled_frustum.into());
         row.culled_small = Some(counters.culled_small.into());
+        row.culled_occluded = Some(counters.culled_occluded.into());
         row.item_overflow = Some(counters.item_overflow.into());
         if counters.covered_pixels > 0 {
             row.overdraw = Some(f64::from(counters.points) / f64::from(counters.covered_pixels));

@@ -1,0 +1,60 @@
+// Cuts runs into work items of up to 64 points, and says of each how its points come to the screen.
+//
+// One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
+#import bevy_treeline::select_bindings::{OF_GROVE, POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
+#import bevy_treeline::splat_item::{GROVE_ITEM, splat_item}
+#import bevy_treeline::instance::species_of
+#import bevy_treeline::types::{Run, Species, SplatItem, TreeInstance, WorkItem}
+
+@group(1) @binding(0) var<storage, read> species: array<Species>;
+@group(1) @binding(1) var<storage, read> instances: array<TreeInstance>;
+@group(1) @binding(2) var<storage, read> runs: array<Run>;
+@group(1) @binding(3) var<storage, read_write> items: array<WorkItem>;
+@group(1) @binding(4) var<storage, read_write> splat_items: array<SplatItem>;
+
+var<workgroup> group_points: atomic<u32>;
+
+@compute @workgroup_size(#{POINTS_PER_ITEM})
+fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    // Workgroup memory is not cleared for us.
+    if lane == 0u {
+        atomicStore(&group_points, 0u);
+    }
+    workgroupBarrier();
+    let k = block_index(group, groups) * POINTS_PER_ITEM + lane;
+    if k < atomicLoad(&counters.phase_items) {
+        // The last run whose first item is not after k.
+        var low = 0u;
+        var high = atomicLoad(&counters.phase_runs);
+        while high - low > 1u {
+            let middle = (low + high) / 2u;
+            if runs[middle].first_item <= k {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let run = runs[low];
+        let skipped = (k - run.first_item) * POINTS_PER_ITEM;
+        let of_grove = run.points & OF_GROVE;
+        let count = min((run.points & ~OF_GROVE) - skipped, POINTS_PER_ITEM);
+        // From both ends of the list, so that where an item lies is known without looking.
+        let index = select(k, settings.item_capacity - 1u - k, settings.phase == 1u);
+        let first = run.first_point + skipped;
+        if of_grove == 0u {
+            let instance = instances[run.instance];
+            items[index] = WorkItem(run.instance, first, count, run.radius);
+            splat_items[index] = splat_item(view.view_from_world, instance, species[species_of(instance)], first, count, run.radius, settings.overlap_gain, settings.splat_shape);
+        } else {
+            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | of_grove, 0.0);
+            splat_items[index].first_point = first;
+            splat_items[index].count_flags = count | GROVE_ITEM | (run.instance << 10u);
+        }
+        atomicAdd(&group_points, count);
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        atomicAdd(&counters.points, atomicLoad(&group_points));
+        atomicAdd(&counters.second_points, select(0u, atomicLoad(&group_points), settings.phase == 1u));
+    }
+}

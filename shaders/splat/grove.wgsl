@@ -1,0 +1,30 @@
+// A sample of a grove: a tree of its block and the rank of one of its points. It is drawn exactly where the tree itself
+// would draw that point, so the change from trees to grove shows nothing.
+#define_import_path bevy_treeline::grove
+
+#import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
+#import bevy_treeline::lod::disc_radius
+#import bevy_treeline::selection::wanted_points
+#import bevy_treeline::splat_bindings::{instance_blocks, instances, samples, settings, species, view}
+#import bevy_treeline::splat_item::splat_item
+#import bevy_treeline::types::SplatItem
+
+// The item that a lane draws its one point of: with no points if the tree does not deserve it.
+fn grove_item(shared_item: SplatItem, lane: u32) -> SplatItem {
+    var item = shared_item;
+    let sample = samples[item.first_point + lane];
+    let block = instance_blocks[item.count_flags >> 10u];
+    let instance = instances[block.first_instance + (sample >> 24u)];
+    let kind = species[species_of(instance)];
+    let center = instance.position + matrix_of(rotation_of(instance)) * (kind.center * instance.scale);
+    let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
+    let d = select(distance(center, eye), 1.0, settings.orthographic != 0u);
+    let wanted = wanted_points(settings, instance, kind, d, block.fade_begin, block.fade_end);
+    let rank = sample & 0xffffffu;
+    if rank >= wanted.count {
+        item.count_flags = 0u;
+        return item;
+    }
+    let radius = disc_radius(kind.surface_area * instance.scale * instance.scale, wanted.n);
+    return splat_item(view.view_from_world, instance, kind, kind.first_point + rank, 1u, radius, settings.overlap_gain, settings.splat_shape);
+}

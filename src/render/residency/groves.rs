@@ -1,0 +1,157 @@
+//! Groves: the blocks of far trees as ordered lists of samples, made in the background.
+//!
+//! In: tiles that were packed; out: samples on the GPU, and the blocks of the tile told where they lie. Until then, and
+//! where there is no room, the trees of a block are looked at one by one: the picture is the same. Cost: about 0.1 ms a
+//! block, off the main thread; a write a tile.
+
+use super::{blocks::TileBlocks, surfels::SurfelPool};
+use crate::{
+    forest::{GroveList, SAMPLES_PER_TREE, SpeciesShape, grove_list},
+    gpu::{
+        slice_buffer::SliceBuffer,
+        types::{GpuTreeInstance, SELECT_WORKGROUP},
+    },
+};
+use bevy::{
+    prelude::*,
+    render::renderer::{RenderDevice, RenderQueue},
+    tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
+};
+use std::{collections::VecDeque, sync::Arc};
+
+/// Tiles in the making at one time: bounds the memory of the copies that tasks work on.
+const TASKS: usize = 64;
+/// Bytes of samples that are written in a frame at most, so that streaming never holds one up.
+const WRITE_BYTES: usize = 8 << 20;
+/// Smallest scale of a view that groves are made for: pixels per world unit at distance 1.
+const LEAST_PIXELS_PER_UNIT: f32 = 400.0;
+
+/// A tile whose groves are to be made.
+struct Request {
+    tile: Entity,
+    /// Tells the tile from a later one of the same entity.
+    revision: u64,
+    instances: Vec<GpuTreeInstance>,
+    /// End of the tile's view range.
+    fade_end: f32,
+}
+
+/// The samples of all groves.
+pub(super) struct Groves {
+    pub samples: SliceBuffer,
+    requests: VecDeque<Request>,
+    tasks: Vec<(Entity, u64, Task<Vec<GroveList>>)>,
+}
+
+/// What the groves of a tile are.
+pub(super) struct Grown {
+    pub tile: Entity,
+    pub revision: u64,
+    lists: Vec<GroveList>,
+}
+
+impl Groves {
+    pub fn new(device: &RenderDevice) -> Self {
+        Self {
+            samples: SliceBuffer::new("treeline_samples", 4, 1 << 16, device),
+            requests: default(),
+            tasks: vec![],
+        }
+    }
+
+    /// Tiles that wait for their groves.
+    pub fn pending(&self) -> usize {
+        self.requests.len() + self.tasks.len()
+    }
+
+    /// Asks for the groves of a tile.
+    pub fn request(
+        &mut self,
+        tile: Entity,
+        revision: u64,
+        instances: &[GpuTreeInstance],
+        fade_end: f32,
+    ) {
+        self.forget(tile);
+        self.requests.push_back(Request {
+            tile,
+            revision,
+            instances: instances.to_vec(),
+            fade_end,
+        });
+    }
+
+    /// Nobody wants those of this tile any more.
+    pub fn forget(&mut self, tile: Entity) {
+        self.requests.retain(|request| request.tile != tile);
+        self.tasks.retain(|(of, ..)| *of != tile);
+    }
+
+    /// Starts what waits, and takes what is ready, in the order of the requests.
+    pub fn update(&mut self, surfels: &SurfelPool) -> Vec<Grown> {
+        let mut shapes: Option<Arc<Vec<Option<SpeciesShape>>>> = None;
+        while self.tasks.len() < TASKS
+            && let Some(request) = self.requests.pop_front()
+        {
+            let shapes = shapes.get_or_insert_with(|| Arc::new(surfels.shapes())).clone();
+            let Request { tile, revision, instances, fade_end } = request;
+            let task = AsyncComputeTaskPool::get()
+                .spawn(async move { grow(&instances, &shapes, fade_end) });
+            self.tasks.push((tile, revision, task));
+        }
+        let mut ready = vec![];
+        let mut bytes = 0;
+        while bytes < WRITE_BYTES
+            && let Some((tile, revision, task)) = self.tasks.first_mut()
+            && let Some(lists) = block_on(poll_once(task))
+        {
+            bytes += lists.iter().map(|list| list.samples.len() * 4).sum::<usize>();
+            ready.push(Grown { tile: *tile, revision: *revision, lists });
+            drop(self.tasks.remove(0));
+        }
+        ready
+    }
+
+    /// Writes the samples of a tile and tells its blocks. False: there is no room.
+    pub fn place(
+        &mut self,
+        grown: Grown,
+        blocks: &mut TileBlocks,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> bool {
+        let samples: Vec<u32> =
+            grown.lists.iter().flat_map(|list| &list.samples).copied().collect();
+        let Some(first) = self.samples.allocate(samples.len() as u32, device, queue) else {
+            return false;
+        };
+        self.samples.write(first, bytemuck::cast_slice(&samples), queue);
+        blocks.samples = first..first + samples.len() as u32;
+        let mut next = first;
+        for (block, list) in blocks.all.iter_mut().zip(&grown.lists) {
+            block.first_sample = next;
+            block.complete_below = list.complete_below;
+            block.top = list.top;
+            block.marks = list.marks;
+            next += list.samples.len() as u32;
+        }
+        true
+    }
+}
+
+/// The groves of a tile's blocks. Those that no view would use are empty.
+fn grow(
+    instances: &[GpuTreeInstance],
+    shapes: &[Option<SpeciesShape>],
+    fade_end: f32,
+) -> Vec<GroveList> {
+    let blocks = instances.chunks(SELECT_WORKGROUP as usize);
+    let list = |block: &[GpuTreeInstance]| {
+        let shape = |index: u16| shapes.get(usize::from(index)).copied().flatten();
+        let list = grove_list(block, shape, block.len() * SAMPLES_PER_TREE);
+        // The view scale grows towards the eye: a grove begins where it has fallen to `complete_below`.
+        let begin = LEAST_PIXELS_PER_UNIT / list.complete_below.sqrt();
+        if begin < fade_end { list } else { GroveList::default() }
+    };
+    blocks.map(list).collect()
+}
