@@ -62,8 +62,8 @@ pub fn run(args: &BenchArgs) -> ToolResult {
         println!("results.csv, results.json, plots, report.html in {}", args.out.display());
         return old.map_or(Ok(()), |(path, old)| publish::compare_with(path, &old, &results));
     }
-    let machine = Machine::find()?;
     let tree = Tree::load(args.tree())?;
+    let machine = Machine::find()?;
     let configurations = plan::configurations(args, &tree)?;
     if args.scene == SceneArg::Landscape {
         // Species are baked here, so that processes find them in the cache.

@@ -18,6 +18,7 @@ use super::{
 use crate::options::{ToolError, ToolResult, make_folder, write_png};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
+    collections::BTreeSet,
     ffi::OsString,
     path::{Path, PathBuf},
     time::Duration,
@@ -127,6 +128,7 @@ impl Bench<'_> {
         mut rows: Vec<Row>,
     ) -> ToolResult<Vec<Row>> {
         let single = self.args.scene == SceneArg::Single;
+        let mut said = BTreeSet::new();
         for (configuration, row) in configurations.iter().zip(&mut rows) {
             if !row.ran() {
                 continue;
@@ -134,7 +136,16 @@ impl Bench<'_> {
             let folder = self.folder(configuration);
             let shot = Shot::read(&folder.join(child::PICTURE), &folder.join(child::COVER))?;
             write_png(&self.picture_file(configuration, ""), &shot.picture)?;
-            let Some(files) = self.truth(configuration)? else { continue };
+            let files = match self.truth(configuration)? {
+                Ok(files) => files,
+                Err(reason) => {
+                    // Once for all techniques.
+                    if said.insert(reason.clone()) {
+                        eprintln!("no image errors at {}", reason);
+                    }
+                    continue;
+                }
+            };
             let truth = Shot::read(&files.picture, &files.cover)?;
             let scene = scenes::scene(self.args, configuration, &self.tree)?;
             let below = scene.first_row_below(self.args.size.1);
@@ -151,14 +162,13 @@ impl Bench<'_> {
         self.args.out.join(publish::PICTURES).join(name)
     }
 
-    /// The truth of a configuration, rendered if it is not kept yet; none if it would take too much.
-    fn truth(&self, configuration: &Configuration) -> ToolResult<Option<TruthFiles>> {
+    /// The truth of a configuration, rendered if it is not kept yet; or why there is none.
+    fn truth(&self, configuration: &Configuration) -> ToolResult<Result<TruthFiles, String>> {
         if self.args.no_truth {
-            return Ok(None);
+            return Ok(Err("any number of trees: --no-truth".into()));
         }
         if let Some(reason) = truth::unknown(self.args, configuration, &self.tree) {
-            eprintln!("{reason}");
-            return Ok(None);
+            return Ok(Err(reason));
         }
         let scene = scenes::scene(self.args, configuration, &self.tree)?;
         let files = TruthFiles::of(self.args, configuration, &*scene, &self.tree);
@@ -167,14 +177,10 @@ impl Bench<'_> {
             let folder = self.folder(&truth);
             make_folder(&folder)?;
             if let Err(reason) = self.start(&truth, &folder, true) {
-                eprintln!(
-                    "no image errors at {} trees: the truth {reason}",
-                    configuration.instances
-                );
-                return Ok(None);
+                return Ok(Err(format!("{} trees: the truth {reason}", configuration.instances)));
             }
         }
-        Ok(Some(files))
+        Ok(Ok(files))
     }
 }
 

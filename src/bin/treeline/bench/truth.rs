@@ -74,16 +74,14 @@ impl TruthFiles {
     }
 }
 
-/// Why there is no truth for a configuration, if so.
+/// At which number of trees there is no truth and why, if so.
 pub fn unknown(args: &BenchArgs, configuration: &Configuration, tree: &Tree) -> Option<String> {
     let Configuration { instances, .. } = configuration;
     let triangles = instances.saturating_mul(tree.triangles());
     match args.scene {
-        SceneArg::Landscape => {
-            Some("no image errors: a landscape has no truth of full meshes".into())
-        }
+        SceneArg::Landscape => Some("any number of trees: a landscape has no full meshes".into()),
         SceneArg::Baseline if triangles > args.truth_triangles => Some(format!(
-            "no image errors at {instances} trees: the truth would have {:.0} M triangles (--truth-triangles sets the bound)",
+            "{instances} trees: the truth would have {:.0} M triangles (--truth-triangles is the bound)",
             triangles as f64 / 1e6
         )),
         _ => None,

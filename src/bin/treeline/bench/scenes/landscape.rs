@@ -61,8 +61,7 @@ fn fly_args(args: &BenchArgs, instances: u64) -> FlyArgs {
         }
         _ => ["--species".to_owned(), species],
     };
-    let fixed =
-        ["fly", "--side", &side, "--variants", "1", "--memory", "4096", "--sky", "gradient"];
+    let fixed = ["fly", "--side", &side, "--variants", "1", "--sky", "gradient"];
     let fly = Fly::parse_from(fixed.into_iter().map(str::to_owned).chain(what));
     FlyArgs {
         trees: Some(instances),
