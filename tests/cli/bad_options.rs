@@ -6,7 +6,7 @@ use super::Workplace;
 fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
     let place = Workplace::new();
     let size = "WIDTHxHEIGHT";
-    let runs: [(&str, &[&str]); 49] = [
+    let runs: [(&str, &[&str]); 59] = [
         ("bake {tree} --ldi 0", &["--ldi", "0 is not in 1..=16384"]),
         ("bake {tree} --ldi 100000", &["--ldi", "100000 is not in 1..=16384"]),
         ("bake {tree} --ldi -5", &["--ldi", "-5 is not in 1..=16384"]),
@@ -27,6 +27,16 @@ fn every_bad_setting_is_named_with_what_is_allowed_and_nothing_is_written() {
         ("compare {tree} --overlap 2", &["--overlap", "2", "0 to 1"]),
         ("compare {tree} --elevation 100", &["--elevation", "100", "-89 to 89"]),
         ("compare {tree} --supersample 1", &["--supersample", "1 is not in 4..=8"]),
+        ("bench --instances 0", &["--instances", "1 to 10M"]),
+        ("bench --instances 1k,20M", &["--instances", "1 to 10M"]),
+        ("bench --instances few", &["--instances", "few", "250k"]),
+        ("bench --techniques voxels", &["--techniques", "voxels", "points", "lod"]),
+        ("bench --techniques lod+fast", &["--techniques", "fast", "msaa4"]),
+        ("bench --tree baobab", &["--tree baobab", "no such file", "aspen"]),
+        ("bench --scene moon", &["--scene", "moon"]),
+        ("bench --size 0x9", &["--size", "0x9", size]),
+        ("bench --seconds 0", &["--seconds", "above 0"]),
+        ("bench --compare nowhere.json", &["nowhere.json"]),
         ("fly --headless --ldi 0", &["--ldi", "1..=16384"]),
         ("fly --headless --size 0x0", &["--size", "0x0", size]),
         ("fly --headless --size abc", &["--size", "abc", size]),

@@ -5,6 +5,7 @@ mod bad_models;
 mod bad_options;
 mod bad_worlds;
 mod bake;
+mod bench;
 mod fly;
 mod glb;
 mod no_adapter;
@@ -136,8 +137,8 @@ fn the_help_of_every_command_names_its_options() {
     let place = Workplace::new();
     let baking =
         ["--ldi", "--directions", "--max-layers", "--partition", "--order", "--peel", "--cache"];
-    let commands: [(&str, &[&str]); 6] = [
-        ("", &["fly", "view", "bake", "compare", "doctor"]),
+    let commands: [(&str, &[&str]); 7] = [
+        ("", &["fly", "view", "bake", "compare", "bench", "doctor"]),
         ("bake", &["--out", "--json"]),
         ("view", &["--headless", "--out", "--quality", "--splat-path"]),
         ("compare", &["--distances", "--json", "--out", "--quality", "--splat-path"]),
@@ -161,6 +162,28 @@ fn the_help_of_every_command_names_its_options() {
                 "--flip",
                 "--no-forest",
                 "--splat-path",
+            ],
+        ),
+        (
+            "bench",
+            &[
+                "--scene",
+                "--tree",
+                "--instances",
+                "--techniques",
+                "--size",
+                "--frames",
+                "--runs",
+                "--seed",
+                "--date",
+                "--out",
+                "--quality",
+                "--camera",
+                "--compare",
+                "--memory-limit",
+                "--time-limit",
+                "lod",
+                "+msaa4",
             ],
         ),
         ("doctor", &["--splat-path"]),

@@ -17,6 +17,7 @@ fn without_an_adapter_pictures_fail_with_what_to_install() {
         // Of all species, none of which is baked.
         "fly --headless --frames 1 --side 1km --out out",
         "compare {tree} --ldi 32 --out out",
+        "bench --tree {tree} --ldi 32 --out out",
         "view {tree} --headless --ldi 32 --out out",
     ] {
         let run = place.run_with(command, &HIDDEN);

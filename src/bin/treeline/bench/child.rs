@@ -1,7 +1,7 @@
 //! One configuration, measured: all that a process of its own does.
 
 use super::{
-    BenchArgs,
+    args::BenchArgs,
     measure::{self, FrameTimes},
     plan::Configuration,
     row::Row,
@@ -29,6 +29,9 @@ pub const ROW: &str = "row.json";
 pub const PICTURE: &str = "picture.png";
 pub const COVER: &str = "cover.png";
 
+/// Part of `--seconds` that is left for measuring at least.
+const SHARE_FOR_SETTLING: f64 = 0.3;
+
 /// Time that passes in the world between two frames.
 const BETWEEN_FRAMES: Duration = Duration::from_micros(16_667);
 
@@ -51,13 +54,16 @@ pub fn app(build: impl FnOnce(&mut App)) -> ToolResult<App> {
 pub fn run(args: &BenchArgs, configuration: &Configuration, folder: &Path) -> ToolResult {
     let start = Instant::now();
     let mut technique = technique::chosen(&configuration.technique)?;
-    let tree = Tree::load(&args.tree)?;
-    let scene = scenes::scene(args, configuration, &tree);
-    let mut app = app(|app| technique.build(app))?;
+    let tree = Tree::load(args.tree())?;
+    let mut scene = scenes::scene(args, configuration, &tree)?;
+    let mut app = app(|app| {
+        technique.build(app);
+        scene.build(app);
+    })?;
     let scenery = scene.set_up(app.world_mut());
     let mut row = Row::default();
     let mut work =
-        Work { args, tree: &tree, trees: scene.trees(), row: &mut row, baking: Duration::ZERO };
+        Work { args, tree: &tree, scene: &*scene, row: &mut row, baking: Duration::ZERO };
     technique.plant(&mut app, &mut work)?;
     let baking = work.baking;
     let mut stand = Stand::new(app, &*scene, scenery, args.size);
@@ -67,8 +73,14 @@ pub fn run(args: &BenchArgs, configuration: &Configuration, folder: &Path) -> To
         Flight { steps: args.warm_up + args.frames, stand: &mut stand, scene: &*scene };
     let first = flight.first();
     row.startup_s = Some((start.elapsed() - baking).as_secs_f64());
-    let mut left = Plan { warm_up: args.warm_up.saturating_sub(1), frames: args.frames };
     let mut seconds = args.seconds - first.wall / 1e3;
+    // Frames of any number, none of which counts: work in the background ends when it ends.
+    while !technique.is_settled(&flight.stand.app, flight.stand.camera)
+        && seconds > SHARE_FOR_SETTLING * args.seconds
+    {
+        seconds -= measure::frame(&mut flight.stand.app).wall / 1e3;
+    }
+    let mut left = Plan { warm_up: args.warm_up.saturating_sub(1), frames: args.frames };
     let mut typical = first.wall / 1e3;
     if left.warm_up > 0 && typical < 0.3 * args.seconds {
         // The first frame also compiled and uploaded: the second one tells how long they take.

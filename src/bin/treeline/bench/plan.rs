@@ -1,9 +1,12 @@
 //! Which configurations are measured, and their names on the command line of the processes that measure them.
 
 use super::{
-    BenchArgs,
+    args::BenchArgs,
     scenes::{SceneArg, View},
+    tree::Tree,
 };
+use crate::{options::ToolResult, subject::z0};
+use bevy_treeline::lod::prefix_count;
 use std::{fmt, str::FromStr};
 
 /// One technique drawing one scene.
@@ -63,22 +66,28 @@ impl FromStr for Configuration {
     }
 }
 
-/// All of them, in the order of a round: counts ascending as given, techniques side by side.
-pub fn configurations(args: &BenchArgs, distances: &[f32]) -> Vec<Configuration> {
+/// All of them, in the order of a round: counts as given, techniques side by side.
+pub fn configurations(args: &BenchArgs, tree: &Tree) -> ToolResult<Vec<Configuration>> {
     let scenes: Vec<(u64, View)> = if args.scene == SceneArg::Single {
-        distances.iter().map(|&distance| (1, View::Distance(distance))).collect()
+        distances(args, tree)?.into_iter().map(|d| (1, View::Distance(d))).collect()
     } else {
         args.instances.iter().map(|&instances| (instances, args.camera.view())).collect()
     };
     let all = scenes.into_iter().flat_map(|(instances, view)| {
-        let of = move |technique: &String| Configuration {
-            technique: technique.clone(),
-            instances,
-            view,
-        };
-        args.techniques.iter().map(of)
+        let techniques = args.techniques.iter();
+        techniques.map(move |name| Configuration { technique: name.clone(), instances, view })
     });
-    all.collect()
+    Ok(all.collect())
+}
+
+/// Those asked for, or those of `treeline compare`: from half of `d0` to eight times as far.
+fn distances(args: &BenchArgs, tree: &Tree) -> ToolResult<Vec<f32>> {
+    if !args.distances.is_empty() {
+        return Ok(args.distances.clone());
+    }
+    let d0 = prefix_count::d0(tree.bake(args)?.data.pixel, z0());
+    // Two decimals: they are names, too.
+    Ok([0.5, 1.0, 2.0, 4.0, 8.0].map(|k: f32| (k * d0 * 100.0).round() / 100.0).to_vec())
 }
 
 #[cfg(test)]

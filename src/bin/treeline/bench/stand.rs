@@ -5,10 +5,7 @@ use crate::{
     headless::{capture, render_target, target},
     options::ToolResult,
 };
-use bevy::{
-    camera::{Projection, SubCameraView},
-    prelude::*,
-};
+use bevy::{camera::SubCameraView, prelude::*};
 use image::RgbaImage;
 
 /// See the module.
@@ -21,18 +18,11 @@ pub struct Stand {
 }
 
 impl Stand {
-    /// Adds a camera with Bevy's defaults but without multisampling, where it stands in the last frame.
+    /// Adds the scene's camera, where it stands in the last frame.
     pub fn new(mut app: App, scene: &dyn BenchScene, scenery: Scenery, size: (u32, u32)) -> Self {
         let image = target(&mut app, size.0, size.1);
-        let fov = scene.field_of_view(size.1);
-        let camera = app.world_mut().spawn((
-            Camera3d::default(),
-            Msaa::Off,
-            Projection::Perspective(PerspectiveProjection { fov, ..default() }),
-            render_target(&image),
-            scene.place(0),
-        ));
-        let camera = camera.id();
+        let camera = scene.camera(app.world_mut(), size.1);
+        app.world_mut().entity_mut(camera).insert((render_target(&image), scene.place(0)));
         Self { app, camera, scenery, image, size: size.into() }
     }
 

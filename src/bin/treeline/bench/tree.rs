@@ -1,6 +1,6 @@
 //! The tree of a benchmark: a model file, or a plant of a species of this crate. Baked only for techniques that need it.
 
-use super::BenchArgs;
+use super::args::BenchArgs;
 use crate::options::{ToolError, ToolResult, with_progress};
 use bevy::{asset::RenderAssetUsages, prelude::*};
 use bevy_treeline::{

@@ -4,7 +4,8 @@
 //! is larger than devices allow, each with a part of the same view.
 
 use super::{
-    BenchArgs, child,
+    args::BenchArgs,
+    child,
     plan::Configuration,
     scenes::{self, BenchScene, SceneArg},
     stand::Stand,
@@ -23,6 +24,8 @@ use image::{RgbaImage, imageops};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
+/// Its name among techniques, for the process that renders it and for files.
+pub const TRUTH: &str = "truth";
 /// Samples along each side of a pixel.
 const SUPERSAMPLE: u32 = 4;
 /// Longest side of a tile, pixels of the truth: targets of 5120 are within the limits of any device.
@@ -71,22 +74,24 @@ impl TruthFiles {
     }
 }
 
-/// Why there is no truth for a configuration, if so.
-pub fn too_large(args: &BenchArgs, configuration: &Configuration, tree: &Tree) -> Option<String> {
-    let triangles = configuration.instances.saturating_mul(tree.triangles());
-    (args.scene == SceneArg::Baseline && triangles > args.truth_triangles).then(|| {
-        format!(
-            "no image errors at {} trees: the truth would have {:.0} M triangles (--truth-triangles sets the bound)",
-            configuration.instances,
+/// At which number of trees there is no truth and why, if so.
+pub fn unknown(args: &BenchArgs, configuration: &Configuration, tree: &Tree) -> Option<String> {
+    let Configuration { instances, .. } = configuration;
+    let triangles = instances.saturating_mul(tree.triangles());
+    match args.scene {
+        SceneArg::Landscape => Some("any number of trees: a landscape has no full meshes".into()),
+        SceneArg::Baseline if triangles > args.truth_triangles => Some(format!(
+            "{instances} trees: the truth would have {:.0} M triangles (--truth-triangles is the bound)",
             triangles as f64 / 1e6
-        )
-    })
+        )),
+        _ => None,
+    }
 }
 
 /// Renders the truth of a configuration to its files.
 pub fn render(args: &BenchArgs, configuration: &Configuration) -> ToolResult {
-    let tree = Tree::load(&args.tree)?;
-    let scene = scenes::scene(args, configuration, &tree);
+    let tree = Tree::load(args.tree())?;
+    let scene = scenes::scene(args, configuration, &tree)?;
     let files = TruthFiles::of(args, configuration, &*scene, &tree);
     let mut app = child::app(|_| ())?;
     let (width, height) = args.size;
@@ -95,7 +100,7 @@ pub fn render(args: &BenchArgs, configuration: &Configuration) -> ToolResult {
         .collect();
     let scenery = scene.set_up(app.world_mut());
     // Bevy's frustum is that of a whole picture of the tile's shape.
-    plant(app.world_mut(), &tree, scene.trees(), tiles.len() == 1);
+    plant(app.world_mut(), &tree, scene.trees().unwrap_or_default(), tiles.len() == 1);
     let mut stand = Stand::new(app, &*scene, scenery, args.size);
 
     let bar = ProgressBar::new(tiles.len() as u64 + 1);

@@ -7,7 +7,7 @@ mod panel;
 mod roster;
 mod shipped;
 mod window;
-mod world;
+pub mod world;
 
 use crate::{
     options::{

@@ -49,6 +49,13 @@ pub struct Member {
     pub has_mesh: bool,
 }
 
+impl Member {
+    /// Points of all its plants.
+    pub fn points(&self) -> u64 {
+        self.summer.iter().chain(&self.autumn).map(|plant| plant.data.point_count() as u64).sum()
+    }
+}
+
 /// A plant that was baked in the background, and whose place it takes.
 pub struct Ready {
     member: usize,

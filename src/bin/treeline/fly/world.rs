@@ -24,14 +24,14 @@ use bevy_treeline::{
     landscape::{
         BiomeSettings, Biomes, Crown, DemTerrain, FlightPath, FlightSettings, ForestShade, Ground,
         Landscape, NoiseTerrain, PlantedForest, Planting, PlantingPlugin, PlantingSettings,
-        PlantingSpecies, Scatter, ScatterError, ScatterSettings, Sky, SkyKind, SkySupport, Sun,
-        TerrainLod, TerrainPlugin, TerrainSettings, TimeOfDay, TreeAmount,
+        PlantingSpecies, Scatter, ScatterError, ScatterSettings, ShadeSource, Sky, SkyKind,
+        SkySupport, Sun, TerrainLod, TerrainPlugin, TerrainSettings, TimeOfDay, TreeAmount,
     },
 };
 use std::{sync::Arc, time::Instant};
 
 /// The way of the camera.
-#[derive(Resource)]
+#[derive(Resource, Clone)]
 pub struct Flight(pub FlightPath);
 
 impl Flight {
@@ -108,16 +108,40 @@ fn tree_bytes(memory_mib: u32, tree_distance_m: f32, side_m: f32) -> u64 {
     ((u64::from(memory_mib) << 20) as f64 / f64::from(share)) as u64
 }
 
+impl Plan {
+    /// The way of the camera.
+    pub fn flight(&self) -> Flight {
+        Flight(self.flight.clone())
+    }
+
+    /// Points of all plants of all species.
+    pub fn points_baked(&self) -> u64 {
+        self.members.iter().map(roster::Member::points).sum()
+    }
+}
+
+/// Trees of the forest that the camera's way of one landscape keeps clear of: no smaller one has others.
+const MOST_TREES: u64 = 10_000_000;
+
 /// Makes ground, species, forest and flight. Says what takes long. `at_once`: see [`roster::bake`].
 pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
+    prepare_as(args, at_once, false)
+}
+
+/// The same, but ground, places of forests and flight do not depend on how many trees there are: to compare numbers.
+pub fn prepare_one_landscape(args: &FlyArgs) -> ToolResult<Plan> {
+    prepare_as(args, false, true)
+}
+
+fn prepare_as(args: &FlyArgs, at_once: bool, one_landscape: bool) -> ToolResult<Plan> {
     let start = Instant::now();
     let ground = ground(args)?;
     // Before the bakes: without an adapter they would take minutes in vain.
     let atmosphere = atmosphere(args)?;
     let biomes = match args.trees {
         // Few trees still make closed forests, of which there are fewer.
-        Some(total) => BiomeSettings::default().for_trees(total, ground.side_m()),
-        None => BiomeSettings::default(),
+        Some(total) if !one_landscape => BiomeSettings::default().for_trees(total, ground.side_m()),
+        _ => BiomeSettings::default(),
     };
     let biomes = BiomeSettings { seed: args.seed, ..biomes };
     let biomes = Arc::new(Biomes::new(&*ground, &biomes));
@@ -128,34 +152,46 @@ pub fn prepare(args: &FlyArgs, at_once: bool) -> ToolResult<Plan> {
     let baked = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let mut scatter = None;
+    // What the way keeps clear of.
+    let mut obstacles = None;
     if !members.is_empty() {
         let amount = match (args.trees, args.density) {
             (Some(total), _) => TreeAmount::Total(total),
             (None, density) => TreeAmount::PerHectare(density.unwrap_or(220.0)),
         };
-        let settings = ScatterSettings {
-            seed: args.seed,
-            amount,
-            season: args.season,
-            max_bytes: tree_bytes(args.memory, args.tree_distance, ground.side_m()),
-            cover_per_m2: 2.4,
-            ..default()
+        let plant = |amount: TreeAmount| -> ToolResult<Scatter> {
+            let settings = ScatterSettings {
+                seed: args.seed,
+                amount,
+                season: args.season,
+                max_bytes: tree_bytes(args.memory, args.tree_distance, ground.side_m()),
+                cover_per_m2: 2.4,
+                ..default()
+            };
+            let species = members.iter().map(|member| member.scatter.clone()).collect();
+            let made = Scatter::new(ground.clone(), biomes.clone(), species, settings);
+            made.map_err(|error| match error {
+                ScatterError::Memory { .. } => {
+                    message(format!("{error} (--memory sets the bound)"))
+                }
+                error => message(error),
+            })
         };
-        let species = members.iter().map(|member| member.scatter.clone()).collect();
-        let made = Scatter::new(ground.clone(), biomes.clone(), species, settings);
-        let made = made.map_err(|error| match error {
-            ScatterError::Memory { .. } => message(format!("{error} (--memory sets the bound)")),
-            error => message(error),
-        })?;
-        landscape.shade = Some(Arc::new(ForestShade::new(made.clone())));
+        let made = plant(amount)?;
+        let shade = Arc::new(ForestShade::new(made.clone()));
+        landscape.shade = Some(shade.clone());
+        obstacles = Some(match one_landscape {
+            true => Arc::new(ForestShade::new(plant(TreeAmount::Total(MOST_TREES))?)),
+            false => shade,
+        });
         scatter = Some(made);
     }
     let scattered = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let crowns = |min: Vec2, max: Vec2| -> Vec<Crown> {
         let mut found = vec![];
-        if let Some(shade) = &landscape.shade {
-            shade.crowns(min, max, &mut found);
+        if let Some(obstacles) = &obstacles {
+            obstacles.crowns(min, max, &mut found);
         }
         found
     };

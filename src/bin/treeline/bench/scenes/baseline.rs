@@ -87,15 +87,15 @@ impl BenchScene for Baseline {
         let earth = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
             base_color: Color::srgb(0.33, 0.36, 0.2),
             perceptual_roughness: 1.0,
-            opaque_render_method: bevy::pbr::OpaqueRendererMethod::Forward,
+            opaque_render_method: bevy::material::OpaqueRendererMethod::Forward,
             ..default()
         });
         let ground = world.spawn((Mesh3d(plain), MeshMaterial3d(earth))).id();
         Scenery { ground: Some(ground), sky }
     }
 
-    fn trees(&self) -> &[Transform] {
-        &self.trees
+    fn trees(&self) -> Option<&[Transform]> {
+        Some(&self.trees)
     }
 
     fn place(&self, steps: u32) -> Transform {

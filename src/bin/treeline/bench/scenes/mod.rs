@@ -1,11 +1,12 @@
 //! What is drawn: light, ground, where trees stand and where the camera is. One file a scene.
 
-pub mod baseline;
-pub mod single;
+mod baseline;
+pub mod landscape;
+mod single;
 
-use super::{BenchArgs, plan::Configuration};
-use crate::bench::tree::Tree;
-use bevy::prelude::*;
+use super::{args::BenchArgs, plan::Configuration};
+use crate::{bench::tree::Tree, options::ToolResult};
+use bevy::{camera::Projection, prelude::*};
 use clap::ValueEnum;
 
 /// `--scene`.
@@ -13,6 +14,8 @@ use clap::ValueEnum;
 pub enum SceneArg {
     /// The protocol for comparison with stock Bevy: a square of 10 m trees on a plain.
     Baseline,
+    /// 16 km of the landscape of `fly`, its trees spread over it. For techniques of this crate.
+    Landscape,
     /// One tree before a plain background, at several distances (--distances).
     Single,
 }
@@ -22,6 +25,7 @@ impl SceneArg {
     pub fn name(self) -> &'static str {
         match self {
             Self::Baseline => "baseline",
+            Self::Landscape => "landscape",
             Self::Single => "single",
         }
     }
@@ -47,11 +51,26 @@ pub struct Scenery {
 
 /// A scene that techniques can be measured in.
 pub trait BenchScene {
+    /// Adds plugins; before the app is finished.
+    fn build(&mut self, _app: &mut App) {}
+
     /// Adds light, ground and sky.
     fn set_up(&self, world: &mut World) -> Scenery;
 
-    /// Places of the model in the world.
-    fn trees(&self) -> &[Transform];
+    /// Spawns the camera, for a picture of this height: Bevy's defaults, but without multisampling.
+    fn camera(&self, world: &mut World, height: u32) -> Entity {
+        let fov = self.field_of_view(height);
+        let projection = Projection::Perspective(PerspectiveProjection { fov, ..default() });
+        world.spawn((Camera3d::default(), Msaa::Off, projection)).id()
+    }
+
+    /// Places of the model in the world; none where the scene plants by itself, by means of this crate.
+    fn trees(&self) -> Option<&[Transform]>;
+
+    /// Points of what the scene plants by itself.
+    fn points_baked(&self) -> Option<u64> {
+        None
+    }
 
     /// Where the camera is this many frames before the last one.
     fn place(&self, steps: u32) -> Transform;
@@ -68,16 +87,22 @@ pub trait BenchScene {
 }
 
 /// The scene of a configuration.
-pub fn scene(args: &BenchArgs, configuration: &Configuration, tree: &Tree) -> Box<dyn BenchScene> {
+pub fn scene(
+    args: &BenchArgs,
+    configuration: &Configuration,
+    tree: &Tree,
+) -> ToolResult<Box<dyn BenchScene>> {
     let bounds = tree.model.bounds();
-    match (args.scene, configuration.view) {
+    let Configuration { instances, view, .. } = *configuration;
+    Ok(match (args.scene, view) {
+        (SceneArg::Landscape, _) => Box::new(landscape::Landscape::new(args, instances, view)?),
         (_, View::Distance(distance)) => Box::new(single::Single::new(&bounds, distance)),
-        (_, view) => Box::new(baseline::Baseline::new(
-            configuration.instances,
+        _ => Box::new(baseline::Baseline::new(
+            instances,
             args.seed,
             bounds.extent().y,
             bounds.min.y,
             view,
         )),
-    }
+    })
 }

@@ -29,8 +29,8 @@ impl BenchScene for Single {
         Scenery { ground: None, sky: scene::SKY }
     }
 
-    fn trees(&self) -> &[Transform] {
-        &self.trees
+    fn trees(&self) -> Option<&[Transform]> {
+        Some(&self.trees)
     }
 
     fn place(&self, _steps: u32) -> Transform {

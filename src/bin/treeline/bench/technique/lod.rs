@@ -67,7 +67,7 @@ impl Technique for Lod {
             (mesh.clone(), material.clone(), range.clone(), place)
         };
         let mut entities = vec![];
-        for place in work.trees {
+        for place in work.trees() {
             entities.extend(meshes.iter().map(|level| with(level, *place)));
             // Its light is that of one direction.
             entities.push(with(&board, place.with_rotation(Quat::IDENTITY)));

@@ -1,7 +1,10 @@
 //! Bevy's meshlets, the peer that this build never runs: the row says why.
 
 use super::{Technique, Work};
-use crate::options::{ToolError, ToolResult};
+use crate::{
+    bench::scenes::SceneArg,
+    options::{ToolError, ToolResult},
+};
 use bevy::{prelude::*, render::settings::WgpuFeatures};
 
 /// Without Bevy's feature `meshlet`.
@@ -15,7 +18,7 @@ pub fn make(variants: &[&str]) -> Result<Box<dyn Technique>, String> {
 }
 
 impl Technique for Meshlet {
-    fn can_run(&self, features: WgpuFeatures) -> Result<(), String> {
+    fn can_run(&self, _scene: SceneArg, features: WgpuFeatures) -> Result<(), String> {
         Err(if features.contains(WgpuFeatures::TEXTURE_INT64_ATOMIC) {
             // Its plugin ends the program on adapters that lack the feature, so it is not even built in.
             "not part of this build: Bevy's feature `meshlet` is off".into()

@@ -7,7 +7,12 @@ mod points;
 mod stock;
 mod thin;
 
-use super::{BenchArgs, row::Row, tree::Tree};
+use super::{
+    args::BenchArgs,
+    row::Row,
+    scenes::{BenchScene, SceneArg},
+    tree::Tree,
+};
 use crate::options::{ToolError, ToolResult};
 use bevy::{
     core_pipeline::prepass::{DepthPrepass, NormalPrepass},
@@ -18,9 +23,13 @@ use std::time::Duration;
 
 /// A way to draw the trees of a scene.
 pub trait Technique {
-    /// Why it cannot run on an adapter with these features, in words for `status`.
-    fn can_run(&self, _features: WgpuFeatures) -> Result<(), String> {
-        Ok(())
+    /// Why it cannot run in a scene or on an adapter with these features, in words for `status`.
+    fn can_run(&self, scene: SceneArg, _features: WgpuFeatures) -> Result<(), String> {
+        match scene {
+            // Its trees come and go with the camera, by means of this crate.
+            SceneArg::Landscape => Err("cannot run: the landscape plants points only".into()),
+            _ => Ok(()),
+        }
     }
 
     /// Adds plugins; before the app is finished.
@@ -32,6 +41,11 @@ pub trait Technique {
     /// Adds to the camera.
     fn set_up_camera(&self, camera: &mut EntityWorldMut);
 
+    /// Whether what it makes in the background is done.
+    fn is_settled(&self, _app: &App, _camera: Entity) -> bool {
+        true
+    }
+
     /// Fills the columns that only this technique knows, after the last frame.
     fn read(&self, _app: &App, _camera: Entity, _row: &mut Row) {}
 }
@@ -40,11 +54,17 @@ pub trait Technique {
 pub struct Work<'a> {
     pub args: &'a BenchArgs,
     pub tree: &'a Tree,
-    /// Places of the model.
-    pub trees: &'a [Transform],
+    pub scene: &'a dyn BenchScene,
     pub row: &'a mut Row,
     /// How long baking took, if it had to be done.
     pub baking: Duration,
+}
+
+impl Work<'_> {
+    /// Places of the model.
+    fn trees(&self) -> &[Transform] {
+        self.scene.trees().unwrap_or_default()
+    }
 }
 
 /// A technique or a variant of one.

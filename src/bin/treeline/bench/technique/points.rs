@@ -1,19 +1,39 @@
 //! This crate: forests of points, with meshes near the camera.
 
 use super::{Technique, Work};
-use crate::{bench::row::Row, options::ToolResult, scene};
+use crate::{
+    bench::{row::Row, scenes::SceneArg},
+    options::ToolResult,
+    scene,
+};
 use bevy::{
     core_pipeline::prepass::{DeferredPrepass, DepthPrepass, NormalPrepass},
     pbr::DefaultOpaqueRendererMethod,
     prelude::*,
+    render::{renderer::RenderDevice, settings::WgpuFeatures},
 };
 use bevy_treeline::{
-    CacheLocation, Forest, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin, TreelineSettings,
+    CacheLocation, Forest, NearMeshes, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin,
+    TreelineSettings,
 };
 use std::{collections::BTreeMap, time::Instant};
 
 /// Side of the square of ground whose trees are one forest, metres.
 const FOREST_M: f32 = 192.0;
+
+/// Points that fit a frame of the landscape, millions: as in `fly`, from inside of forests.
+const LANDSCAPE_CAPACITY_M: f32 = 96.0;
+
+const BYTES_OF_A_MB: f64 = (1 << 20) as f64;
+
+/// GPU memory of this crate's buffers without surfels, as wgpu's allocator knows it; none where it does not tell.
+fn own_buffers_mb(app: &App) -> Option<f64> {
+    let device = app.world().get_resource::<RenderDevice>()?;
+    let report = device.wgpu_device().generate_allocator_report()?;
+    let counts = |name: &str| name.starts_with("treeline_") && !name.contains("surfels");
+    let own = report.allocations.iter().filter(|allocation| counts(&allocation.name));
+    Some(own.map(|allocation| allocation.size as f64).sum::<f64>() / BYTES_OF_A_MB)
+}
 
 /// What a variant may change.
 struct Points {
@@ -21,8 +41,10 @@ struct Points {
     /// Trees near the camera are meshes.
     near_meshes: bool,
     msaa: bool,
-    /// Near meshes are shaded once a pixel.
+    /// Near meshes are shaded once a pixel, however many triangles meet in it.
     deferred: bool,
+    /// Instead of `--quality`.
+    quality: Option<f32>,
     baked_points: u64,
     surfel_bytes: usize,
 }
@@ -36,18 +58,17 @@ struct Variant {
 /// All variants: `points+name`.
 const VARIANTS: &[Variant] = &[
     Variant { name: "nearmeshes-off", apply: |points| points.near_meshes = false },
-    Variant { name: "mesh12", apply: |points| points.settings.min_mesh_distance = 12.0 },
-    Variant { name: "mesh9", apply: |points| points.settings.min_mesh_distance = 9.0 },
-    Variant { name: "deferred", apply: |points| points.deferred = true },
-    Variant { name: "msaa4", apply: |points| points.msaa = true },
-    Variant {
-        name: "occlusion-off",
-        apply: |points| points.settings.occlusion = Occlusion::Off,
-    },
+    Variant { name: "occlusion-off", apply: |points| points.settings.occlusion = Occlusion::Off },
     Variant {
         name: "occlusion-exact",
         apply: |points| points.settings.occlusion = Occlusion::Exact,
     },
+    Variant { name: "q1", apply: |points| points.quality = Some(1.0) },
+    Variant { name: "q2", apply: |points| points.quality = Some(2.0) },
+    Variant { name: "q4", apply: |points| points.quality = Some(4.0) },
+    Variant { name: "mesh12", apply: |points| points.settings.min_mesh_distance = 12.0 },
+    Variant { name: "deferred", apply: |points| points.deferred = true },
+    Variant { name: "msaa4", apply: |points| points.msaa = true },
 ];
 
 /// Their names.
@@ -56,9 +77,15 @@ pub fn variants() -> Vec<&'static str> {
 }
 
 pub fn make(names: &[&str]) -> Result<Box<dyn Technique>, String> {
-    let settings = TreelineSettings::default();
-    let mut points =
-        Points { settings, near_meshes: true, msaa: false, deferred: false, baked_points: 0, surfel_bytes: 0 };
+    let mut points = Points {
+        settings: TreelineSettings::default(),
+        near_meshes: true,
+        msaa: false,
+        deferred: false,
+        quality: None,
+        baked_points: 0,
+        surfel_bytes: 0,
+    };
     for name in names {
         let Some(variant) = VARIANTS.iter().find(|variant| variant.name == *name) else {
             return Err(format!("`{name}` is no variant of it"));
@@ -69,6 +96,10 @@ pub fn make(names: &[&str]) -> Result<Box<dyn Technique>, String> {
 }
 
 impl Technique for Points {
+    fn can_run(&self, _scene: SceneArg, _features: WgpuFeatures) -> Result<(), String> {
+        Ok(())
+    }
+
     fn build(&self, app: &mut App) {
         // Trees come from the benchmark, which keeps them in the tool's cache.
         app.add_plugins(TreelinePlugin { cache: CacheLocation::Off, ..default() });
@@ -78,9 +109,19 @@ impl Technique for Points {
     }
 
     fn plant(&mut self, app: &mut App, work: &mut Work) -> ToolResult {
-        if let Some(quality) = work.args.quality {
+        if let Some(quality) = self.quality.or(work.args.quality) {
             self.settings.quality = quality;
         }
+        let Some(places) = work.scene.trees() else {
+            // The scene has planted them.
+            self.settings.point_capacity_millions = LANDSCAPE_CAPACITY_M;
+            self.baked_points = work.scene.points_baked().unwrap_or(0);
+            self.surfel_bytes = self.baked_points as usize * size_of::<[u32; 4]>();
+            if !self.near_meshes {
+                app.world_mut().resource_mut::<NearMeshes>().max_trees = 0;
+            }
+            return Ok(());
+        };
         let start = Instant::now();
         let baked = work.tree.bake(work.args)?;
         if !baked.from_cache {
@@ -92,7 +133,7 @@ impl Technique for Points {
         let world = app.world_mut();
         let tree = scene::add_tree(world, &baked, self.near_meshes);
         let mut forests: BTreeMap<[i32; 2], Vec<TreeInstance>> = BTreeMap::new();
-        for (i, place) in work.trees.iter().enumerate() {
+        for (i, place) in places.iter().enumerate() {
             let tile = (place.translation.xz() / FOREST_M).floor().as_ivec2().to_array();
             forests.entry(tile).or_default().push(TreeInstance {
                 position: place.translation,
@@ -116,10 +157,16 @@ impl Technique for Points {
         }
     }
 
+    fn is_settled(&self, app: &App, camera: Entity) -> bool {
+        let counters = app.world().resource::<TreelineCounters>().of(camera);
+        counters.is_some_and(|c| c.waiting_forests == 0 && c.pending_groves == 0)
+    }
+
     fn read(&self, app: &App, camera: Entity, row: &mut Row) {
         row.points_baked = Some(self.baked_points);
         row.bytes_per_point = Some(self.surfel_bytes as f64 / self.baked_points.max(1) as f64);
-        row.vram_surfels_mb = Some(self.surfel_bytes as f64 / f64::from(1 << 20));
+        row.vram_surfels_mb = Some(self.surfel_bytes as f64 / BYTES_OF_A_MB);
+        row.vram_mb = own_buffers_mb(app);
         let counters = app.world().resource::<TreelineCounters>().of(camera);
         let Some(counters) = counters else { return };
         row.points_drawn = Some(counters.points.into());

@@ -21,7 +21,7 @@ impl Technique for Stock {
             let mesh = world.resource_mut::<Assets<Mesh>>().add(part.mesh);
             drawn.push((Mesh3d(mesh), MeshMaterial3d(part.material)));
         }
-        let entities = work.trees.iter().flat_map(|place| {
+        let entities = work.trees().iter().flat_map(|place| {
             drawn.iter().map(|(mesh, material)| (mesh.clone(), material.clone(), *place))
         });
         world.spawn_batch(entities.collect::<Vec<_>>());
