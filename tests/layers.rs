@@ -47,11 +47,11 @@ const LAYERS: &[Layer] = &[
     // L1
     Layer { at: "gpu", may_name: &["math"], may_not: &[] },
     Layer { at: "gpu/mirror", may_name: &[], may_not: ENGINE },
-    Layer { at: "asset", may_name: &["math", "gpu::mirror"], may_not: RENDERER },
+    Layer { at: "asset", may_name: &["math", "lod", "gpu::mirror"], may_not: RENDERER },
     Layer { at: "species", may_name: &["math"], may_not: ENGINE },
     Layer { at: "shaders", may_name: &[], may_not: RENDERER },
     // L2
-    Layer { at: "bake", may_name: &["math", "asset", "gpu", "shaders", "species"], may_not: &[] },
+    Layer { at: "bake", may_name: &["math", "lod", "asset", "gpu", "shaders", "species"], may_not: &[] },
     Layer { at: "bake/lighting", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/order", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/settings", may_name: &["math"], may_not: ENGINE },

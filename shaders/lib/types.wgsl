@@ -22,6 +22,7 @@ struct Species {
     surface_area: f32,
     mean_leaf_area: f32,
     sample_share: f32,
+    area_factors: mat4x4<f32>,
 }
 
 struct TreeInstance {

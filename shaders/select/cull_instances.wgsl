@@ -5,7 +5,7 @@
 // CPU twin: src/forest/select.rs.
 #import bevy_treeline::hash::unit_from_bits
 #import bevy_treeline::instance::{NOT_RESIDENT, has_mesh, hash_of, rotate, rotation_of, seed_of, species_of}
-#import bevy_treeline::lod::{d_zero, disc_radius, fade_band, fade_state, prefix_count, range_share, round_count}
+#import bevy_treeline::lod::{area_factor, d_zero, disc_radius, fade_band, fade_state, prefix_count, range_share, round_count}
 #import bevy_treeline::select_bindings::{WORKGROUP, block_index, block_items, counters, draws, instances, item_count, settings, species, view, view_blocks}
 #import bevy_treeline::types::{InstanceDraw, ViewBlock}
 
@@ -74,7 +74,7 @@ fn select_instance(block: ViewBlock, lane: u32) -> InstanceDraw {
     }
     // The splat size follows the prefix before fading: points leave, they do not grow.
     let scale2 = instance.scale * instance.scale;
-    let radius = disc_radius(kind.surface_area * scale2, n);
+    let radius = disc_radius(kind.surface_area * scale2 * area_factor(kind.area_factors, n), n);
     return InstanceDraw(min(count, kind.point_count), radius);
 }
 

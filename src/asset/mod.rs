@@ -13,6 +13,7 @@ mod sections;
 mod surfel;
 #[cfg(test)]
 mod synthetic;
+mod thinning;
 mod tree_asset;
 mod tree_data;
 

@@ -38,6 +38,8 @@ gpu_types! {
         /// `N0 s² / A`: the mean share of its area that a point shows to its peeling direction; 0 if it was peeled
         /// from more directions than X, Y and Z.
         pub sample_share: f32,
+        /// Factor on `A` for 1, 2, 4 … points.
+        pub area_factors: [[f32; 4]; 4],
     }
 
     /// One tree: 32 bytes.

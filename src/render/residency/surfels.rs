@@ -83,15 +83,9 @@ fn gpu_species(tree: &TreeData, first_point: u32) -> GpuSpecies {
         pixel: tree.pixel,
         surface_area: tree.surface_area,
         mean_leaf_area: tree.mean_leaf_area,
-        sample_share: sample_share(tree),
+        sample_share: tree.sample_share(),
+        area_factors: bytemuck::cast(tree.area_factors),
     }
-}
-
-fn sample_share(tree: &TreeData) -> f32 {
-    if tree.statistics.layers.len() > 3 || tree.surface_area <= 0.0 {
-        return 0.0;
-    }
-    tree.point_count() as f32 * tree.pixel * tree.pixel / tree.surface_area
 }
 
 /// Uploads the surfels of new species. The whole pool is written again when the set of species changes, which happens
