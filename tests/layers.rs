@@ -51,7 +51,7 @@ const LAYERS: &[Layer] = &[
     Layer { at: "species", may_name: &["math"], may_not: ENGINE },
     Layer { at: "shaders", may_name: &[], may_not: RENDERER },
     // L2
-    Layer { at: "bake", may_name: &["math", "asset", "gpu", "shaders", "species"], may_not: &[] },
+    Layer { at: "bake", may_name: &["math", "lod", "asset", "gpu", "shaders", "species"], may_not: &[] },
     Layer { at: "bake/lighting", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/order", may_name: &["math", "asset"], may_not: ENGINE },
     Layer { at: "bake/settings", may_name: &["math"], may_not: ENGINE },

@@ -53,6 +53,16 @@ fn disc_radius(area: f32, n: f32) -> f32 {
     return sqrt(area / max(n, 1e-6) / PI);
 }
 
+// Factors of 1, 2, 4 … points, column by column.
+fn area_factor(factors: mat4x4<f32>, n: f32) -> f32 {
+    var table = factors;
+    let octave = clamp(log2(n), 0.0, 15.0);
+    let below = min(u32(octave), 14u);
+    let low = table[below >> 2u][below & 3u];
+    let high = table[(below + 1u) >> 2u][(below + 1u) & 3u];
+    return low + (high - low) * (octave - f32(below));
+}
+
 // What leaves grow by for their size alone.
 fn leaf_overlap(radius: f32, leaf_area: f32, gain: f32) -> f32 {
     if leaf_area > 0.0 {

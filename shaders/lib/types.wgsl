@@ -25,6 +25,7 @@ struct Species {
     first_cluster: u32,
     level_count: u32,
     pad: vec2<u32>,
+    area_factors: mat4x4<f32>,
 }
 
 struct Cluster {

@@ -8,7 +8,7 @@
 #define_import_path bevy_treeline::culling
 
 #import bevy_treeline::instance::{NOT_RESIDENT, matrix_of, rotation_of, species_of}
-#import bevy_treeline::lod::{cluster_points, disc_radius, level_clusters, level_of, list_points}
+#import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points}
 #import bevy_treeline::occlusion::{ScreenBox, pyramid_level, pyramid_offset, pyramid_side, pyramid_size, screen_box}
 #import bevy_treeline::select_bindings::{instance_blocks, item_count, settings, view}
 #import bevy_treeline::selection::wanted_points
@@ -170,7 +170,7 @@ fn select_points(block: InstanceBlock, instance: TreeInstance, kind: Species, ce
     } else if wanted.count > 0u {
         draw.verdict = DRAWN;
         draw.count = wanted.count;
-        draw.radius = disc_radius(kind.surface_area * instance.scale * instance.scale, wanted.n);
+        draw.radius = wanted.radius;
         draw.level = level_of(draw.count, kind.level_count);
         draw.mask = all_of(level_clusters(draw.level).y);
     }

@@ -3,7 +3,6 @@
 #define_import_path bevy_treeline::grove
 
 #import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
-#import bevy_treeline::lod::disc_radius
 #import bevy_treeline::selection::wanted_points
 #import bevy_treeline::splat_bindings::{instance_blocks, instances, samples, settings, species, view}
 #import bevy_treeline::splat_item::splat_item
@@ -25,6 +24,5 @@ fn grove_item(shared_item: SplatItem, lane: u32) -> SplatItem {
         item.count_flags = 0u;
         return item;
     }
-    let radius = disc_radius(kind.surface_area * instance.scale * instance.scale, wanted.n);
-    return splat_item(view.view_from_world, instance, kind, kind.first_point + rank, 1u, radius, settings.overlap_gain, settings.splat_shape);
+    return splat_item(view.view_from_world, instance, kind, kind.first_point + rank, 1u, wanted.radius, settings.overlap_gain, settings.splat_shape);
 }

@@ -20,7 +20,7 @@ use super::sections::{
 };
 use super::surfel::{SurfelCold, SurfelHot};
 use super::tree_data::{BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError};
-use crate::math::bounding::Aabb;
+use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
 use bevy::math::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -102,13 +102,14 @@ pub fn decode(file: &[u8]) -> Result<TreeData, FormatError> {
         pixel: head.pixel,
         surface_area: head.surface_area,
         mean_leaf_area: head.mean_leaf_area,
+        area_factors: [1.0; AREA_OCTAVES],
         hot,
         cold,
         source: stat.source.into_owned(),
         statistics: stat.statistics.into_owned(),
     };
     tree.validate()?;
-    Ok(tree)
+    Ok(tree.with_area_factors())
 }
 
 /// Refuses required sections that this program does not know, and known ones that are stored in a newer way.

@@ -14,6 +14,7 @@ mod sections;
 mod surfel;
 #[cfg(test)]
 pub(crate) mod synthetic;
+mod thinning;
 mod tree_asset;
 mod tree_data;
 

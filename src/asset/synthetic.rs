@@ -3,6 +3,7 @@
 
 use super::surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, Surfel};
 use super::tree_data::{BakeSeconds, BakeStatistics, SourceReference, TreeData};
+use crate::lod::splat_size::AREA_OCTAVES;
 use crate::math::{bounding::Aabb, hash::SplitMix64};
 use bevy::math::Vec3;
 
@@ -43,11 +44,12 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
     }
     random.shuffle(&mut surfels);
     let (hot, cold) = surfels.iter().map(|s| s.pack(&bounds)).unzip();
-    TreeData {
+    let tree = TreeData {
         bounds,
         pixel,
         surface_area: 123.4,
         mean_leaf_area: 0.015,
+        area_factors: [1.0; AREA_OCTAVES],
         hot,
         cold,
         source: Some(SourceReference { path: "trees/oak.glb".into(), content_hash: [7; 32] }),
@@ -63,7 +65,8 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
             seconds: BakeSeconds { loading: 0.25, peeling: 1.234_567, ordering: 0.1, total: 1.6 },
             warnings: vec!["material `bark` is blended: read as a mask".into()],
         },
-    }
+    };
+    tree.with_area_factors()
 }
 
 /// A point of the unit ball.

@@ -1,7 +1,7 @@
 //! The baked tree as plain data: what a bake hands over, a `.treeline` file holds and a renderer uploads.
 
 use super::surfel::{Surfel, SurfelCold, SurfelHot};
-use crate::math::bounding::Aabb;
+use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
 use serde::{Deserialize, Serialize};
 
 /// Most points of one tree: a half (hot or cold) of this many takes 1 GiB.
@@ -86,6 +86,9 @@ pub struct TreeData {
     pub surface_area: f32,
     /// Mean area of a leaf in square model units: `L` of the area rule; 0 if there are no leaves.
     pub mean_leaf_area: f32,
+    /// Factor on `A` for 1, 2, 4 … points, with which so few cover what the tree covers. Follows from the points: files do not
+    /// keep it, and [`TreeData::with_area_factors`] finds it.
+    pub area_factors: [f32; AREA_OCTAVES],
     /// Half of the points read by the splat pass, in progressive order: every prefix is a level of detail.
     pub hot: Vec<SurfelHot>,
     /// The other half, read by the resolve pass: same length, same order.
@@ -112,6 +115,20 @@ impl TreeData {
     /// Points in full: the paper's `N0`.
     pub fn point_count(&self) -> usize {
         self.hot.len()
+    }
+
+    /// This tree with its [`TreeData::area_factors`]. About 10 ms.
+    pub fn with_area_factors(self) -> Self {
+        Self { area_factors: super::thinning::area_factors(&self), ..self }
+    }
+
+    /// `N0 s² / A`: the mean share of its area that a point shows to its peeling direction; 0 if it was peeled from more
+    /// directions than X, Y and Z, or has no area.
+    pub fn sample_share(&self) -> f32 {
+        if self.statistics.layers.len() > 3 || self.surface_area <= 0.0 {
+            return 0.0;
+        }
+        self.point_count() as f32 * self.pixel * self.pixel / self.surface_area
     }
 
     /// Bytes that the points take in memory and on the GPU.

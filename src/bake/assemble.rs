@@ -9,6 +9,7 @@ use super::{
     surfels,
 };
 use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData};
+use crate::lod::splat_size::AREA_OCTAVES;
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -259,11 +260,12 @@ fn bake(
     let total = loading + start.elapsed().as_secs_f64();
     info!("{}: {points} points in {total:.2} s ({backend})", model.name);
     progress(BakeStage::Packing, 1.0);
-    Ok(TreeData {
+    let tree = TreeData {
         bounds,
         pixel: viewports[0].pixel,
         surface_area,
         mean_leaf_area: model.mean_leaf_area(),
+        area_factors: [1.0; AREA_OCTAVES],
         hot,
         cold,
         source: None,
@@ -282,5 +284,6 @@ fn bake(
             seconds: BakeSeconds { loading, peeling, ordering, total }.to_microseconds(),
             warnings,
         },
-    })
+    };
+    Ok(tree.with_area_factors())
 }

@@ -44,6 +44,8 @@ gpu_types! {
         pub level_count: u32,
         /// Zero.
         pub pad: [u32; 2],
+        /// Factor on `A` for 1, 2, 4 … points.
+        pub area_factors: [[f32; 4]; 4],
     }
 
     /// Neighbouring points of a species: a list of its own in the surfel pool.

@@ -110,18 +110,12 @@ fn gpu_species(
         pixel: tree.pixel,
         surface_area: tree.surface_area,
         mean_leaf_area: tree.mean_leaf_area,
-        sample_share: sample_share(tree),
+        sample_share: tree.sample_share(),
         first_cluster,
         level_count,
         pad: [0; 2],
+        area_factors: bytemuck::cast(tree.area_factors),
     }
-}
-
-fn sample_share(tree: &TreeData) -> f32 {
-    if tree.statistics.layers.len() > 3 || tree.surface_area <= 0.0 {
-        return 0.0;
-    }
-    tree.point_count() as f32 * tree.pixel * tree.pixel / tree.surface_area
 }
 
 /// From the position of a tree of scale 1 to the far end of its farthest splat, where all points are drawn. (Where fewer
