@@ -8,12 +8,10 @@
 // Values of `splat_shape`.
 const CELLS: u32 = 0u;
 const DISCS: u32 = 1u;
-// SplatItem.count_flags: points in 7 bits, then flags. The tree was peeled from other directions than X, Y and Z, or
-// discs are asked for.
+// SplatItem.count_flags: points in 7 bits, then whether the tree was peeled from other directions than X, Y and Z, or
+// discs are asked for; the block of a grove above bit 8.
 const COUNT: u32 = 0x7fu;
 const AS_DISCS: u32 = 0x80u;
-// Samples of a grove: its block stands above bit 10, and nothing else but `first_point` is written.
-const GROVE_ITEM: u32 = 0x100u;
 
 fn splat_item(view_from_world: mat4x4<f32>, instance: TreeInstance, kind: Species, first_point: u32, count: u32, radius: f32, overlap_gain: f32, splat_shape: u32) -> SplatItem {
     let turned = mat3x3<f32>(view_from_world[0].xyz, view_from_world[1].xyz, view_from_world[2].xyz) * matrix_of(rotation_of(instance));

@@ -115,6 +115,9 @@ struct SelectSettings {
     previous_valid: u32,
     pyramid_previous: u32,
     pyramid_current: u32,
+    first_item: u32,
+    first_grove_run: u32,
+    pad: vec2<u32>,
 }
 
 struct Counters {
@@ -132,6 +135,8 @@ struct Counters {
     groves: atomic<u32>,
     phase_items: atomic<u32>,
     phase_runs: atomic<u32>,
+    phase_grove_items: atomic<u32>,
+    phase_grove_runs: atomic<u32>,
     second_points: atomic<u32>,
 }
 
@@ -142,5 +147,7 @@ struct IndirectArgs {
     pad_expand: u32,
     splat: vec3<u32>,
     pad_splat: u32,
+    groves: vec3<u32>,
+    pad_groves: u32,
     resolve: vec4<u32>,
 }

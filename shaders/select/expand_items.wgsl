@@ -2,7 +2,7 @@
 //
 // One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
 #import bevy_treeline::select_bindings::{OF_GROVE, POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
-#import bevy_treeline::splat_item::{GROVE_ITEM, splat_item}
+#import bevy_treeline::splat_item::splat_item
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::types::{Run, Species, SplatItem, TreeInstance, WorkItem}
 
@@ -22,33 +22,34 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     }
     workgroupBarrier();
     let k = block_index(group, groups) * POINTS_PER_ITEM + lane;
-    if k < atomicLoad(&counters.phase_items) {
-        // The last run whose first item is not after k.
-        var low = 0u;
-        var high = atomicLoad(&counters.phase_runs);
+    let tree_items = atomicLoad(&counters.phase_items);
+    let grove_items = atomicLoad(&counters.phase_grove_items);
+    if k < tree_items + grove_items {
+        let of_grove = k >= tree_items;
+        let place = select(k, k - tree_items, of_grove);
+        // The last run whose first item is not after the place.
+        let first_run = select(0u, settings.first_grove_run, of_grove);
+        var low = first_run;
+        var high = first_run + select(atomicLoad(&counters.phase_runs), atomicLoad(&counters.phase_grove_runs), of_grove);
         while high - low > 1u {
             let middle = (low + high) / 2u;
-            if runs[middle].first_item <= k {
-                low = middle;
-            } else {
-                high = middle;
-            }
+            let is_after = runs[middle].first_item > place;
+            high = select(high, middle, is_after);
+            low = select(middle, low, is_after);
         }
         let run = runs[low];
-        let skipped = (k - run.first_item) * POINTS_PER_ITEM;
-        let of_grove = run.points & OF_GROVE;
-        let count = min((run.points & ~OF_GROVE) - skipped, POINTS_PER_ITEM);
-        // From both ends of the list, so that where an item lies is known without looking.
-        let index = select(k, settings.item_capacity - 1u - k, settings.phase == 1u);
+        let skipped = (place - run.first_item) * POINTS_PER_ITEM;
+        let count = min(run.points - skipped, POINTS_PER_ITEM);
         let first = run.first_point + skipped;
-        if of_grove == 0u {
+        let index = settings.first_item + select(place, settings.item_capacity - 1u - place, of_grove);
+        if of_grove {
+            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | OF_GROVE, 0.0);
+            splat_items[index].first_point = first;
+            splat_items[index].count_flags = count | (run.instance << 8u);
+        } else {
             let instance = instances[run.instance];
             items[index] = WorkItem(run.instance, first, count, run.radius);
             splat_items[index] = splat_item(view.view_from_world, instance, species[species_of(instance)], first, count, run.radius, settings.overlap_gain, settings.splat_shape);
-        } else {
-            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | of_grove, 0.0);
-            splat_items[index].first_point = first;
-            splat_items[index].count_flags = count | GROVE_ITEM | (run.instance << 10u);
         }
         atomicAdd(&group_points, count);
     }

@@ -3,7 +3,7 @@
 //
 // One workgroup: each thread sums a run of blocks, the sums are scanned, each thread writes its blocks.
 // O(blocks / 256 + 256). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{GROVE, OF_GROVE, POINTS_PER_ITEM, WORKGROUP, counters, grid, instance_blocks, settings, view_blocks}
+#import bevy_treeline::select_bindings::{GROVE, POINTS_PER_ITEM, WORKGROUP, counters, grid, instance_blocks, settings, view_blocks}
 #import bevy_treeline::types::{IndirectArgs, Run}
 
 // Apart from the other bindings: a buffer cannot be storage and source of indirect arguments in one dispatch.
@@ -12,6 +12,8 @@
 
 var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
 var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
+var<workgroup> lane_grove_runs: array<u32, #{SELECT_WORKGROUP}>;
+var<workgroup> lane_grove_items: array<u32, #{SELECT_WORKGROUP}>;
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
@@ -19,40 +21,49 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
     let own = (blocks + WORKGROUP - 1u) / WORKGROUP;
     let begin = min(lane * own, blocks);
     let end = min(begin + own, blocks);
-    var sum = vec2(0u);
+    // Runs and items of trees, of groves.
+    var sum = vec4(0u);
     for (var i = begin; i < end; i++) {
-        sum += vec2(view_blocks[i].runs, view_blocks[i].items);
+        let own = vec2(view_blocks[i].runs, view_blocks[i].items);
+        sum += select(vec4(own, 0u, 0u), vec4(0u, 0u, own), (view_blocks[i].state & GROVE) != 0u);
     }
     lane_runs[lane] = sum.x;
     lane_items[lane] = sum.y;
+    lane_grove_runs[lane] = sum.z;
+    lane_grove_items[lane] = sum.w;
     workgroupBarrier();
-    var first = vec2(0u);
+    var first = vec4(0u);
     for (var i = 0u; i < lane; i++) {
-        first += vec2(lane_runs[i], lane_items[i]);
+        first += vec4(lane_runs[i], lane_items[i], lane_grove_runs[i], lane_grove_items[i]);
     }
     for (var i = begin; i < end; i++) {
-        let count = vec2(view_blocks[i].runs, view_blocks[i].items);
-        view_blocks[i].runs = first.x;
-        view_blocks[i].items = first.y;
+        let own = vec2(view_blocks[i].runs, view_blocks[i].items);
         let state = view_blocks[i].state;
-        if (state & GROVE) != 0u && first.x < settings.item_capacity {
+        if (state & GROVE) != 0u {
             let block = view_blocks[i].block;
-            runs[first.x] = Run(first.y, block, instance_blocks[block].first_sample, (state >> 8u) | OF_GROVE, 0.0);
+            runs[settings.first_grove_run + first.z] = Run(first.w, block, instance_blocks[block].first_sample, state >> 8u, 0.0);
+            first += vec4(0u, 0u, own);
+        } else {
+            view_blocks[i].runs = first.x;
+            view_blocks[i].items = first.y;
+            first += vec4(own, 0u, 0u);
         }
-        first += count;
     }
     if lane != WORKGROUP - 1u {
         return;
     }
-    // The second phase fills the list of items from its end: what the first has left.
-    let room = settings.item_capacity - select(0u, atomicLoad(&counters.items), settings.phase == 1u);
-    let fitting = min(first.y, room);
+    // Groves fill the list from its end.
+    let fitting = min(first.y, settings.item_capacity);
+    let fitting_groves = min(first.w, settings.item_capacity - fitting);
     atomicStore(&counters.phase_items, fitting);
     // Every run has an item, so runs that do not fit have none that does.
     atomicStore(&counters.phase_runs, min(first.x, settings.item_capacity));
-    atomicAdd(&counters.items, fitting);
-    atomicAdd(&counters.item_overflow, first.y - fitting);
-    args.expand = grid((fitting + POINTS_PER_ITEM - 1u) / POINTS_PER_ITEM);
+    atomicStore(&counters.phase_grove_items, fitting_groves);
+    atomicStore(&counters.phase_grove_runs, first.z);
+    atomicAdd(&counters.items, fitting + fitting_groves);
+    atomicAdd(&counters.item_overflow, first.y - fitting + first.w - fitting_groves);
+    args.expand = grid((fitting + fitting_groves + POINTS_PER_ITEM - 1u) / POINTS_PER_ITEM);
     args.splat = grid(fitting);
+    args.groves = grid(fitting_groves);
     args.resolve = vec4(6u, 0u, 0u, 0u);
 }

@@ -10,6 +10,7 @@
 @group(0) @binding(2) var<storage, read> species: array<Species>;
 @group(0) @binding(3) var<storage, read> instances: array<TreeInstance>;
 @group(0) @binding(4) var<storage, read> instance_blocks: array<InstanceBlock>;
+// Of this phase, from its first on.
 @group(0) @binding(5) var<storage, read> splat_items: array<SplatItem>;
 @group(0) @binding(6) var<storage, read> surfels_hot: array<SurfelHot>;
 // Samples of groves: rank of the point | place of the tree in its block << 24.
@@ -21,8 +22,11 @@ fn payload_of(item: u32, lane: u32) -> u32 {
     return ((item << 6u) | lane) + 1u;
 }
 
-// The item of a workgroup, by its number in this phase. It does not depend on what other passes wrote, so that the
-// compiler knows: the whole workgroup has one, and reads it once.
-fn item_index(place: u32) -> u32 {
-    return select(place, settings.item_capacity - 1u - place, settings.phase == 1u);
+// Work items of this phase: of groves, or of trees.
+fn phase_items() -> u32 {
+#ifdef SPLAT_GROVES
+    return atomicLoad(&counters.phase_grove_items);
+#else
+    return atomicLoad(&counters.phase_items);
+#endif
 }

@@ -5,14 +5,15 @@
 #import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
 #import bevy_treeline::selection::wanted_points
 #import bevy_treeline::splat_bindings::{instance_blocks, instances, samples, settings, species, view}
-#import bevy_treeline::splat_item::splat_item
+#import bevy_treeline::splat_item::{COUNT, splat_item}
 #import bevy_treeline::types::SplatItem
 
 // The item that a lane draws its one point of: with no points if the tree does not deserve it.
 fn grove_item(shared_item: SplatItem, lane: u32) -> SplatItem {
     var item = shared_item;
-    let sample = samples[item.first_point + lane];
-    let block = instance_blocks[item.count_flags >> 10u];
+    let is_there = lane < (item.count_flags & COUNT);
+    let sample = samples[item.first_point + select(0u, lane, is_there)];
+    let block = instance_blocks[item.count_flags >> 8u];
     let instance = instances[block.first_instance + (sample >> 24u)];
     let kind = species[species_of(instance)];
     let center = instance.position + matrix_of(rotation_of(instance)) * (kind.center * instance.scale);
@@ -20,9 +21,7 @@ fn grove_item(shared_item: SplatItem, lane: u32) -> SplatItem {
     let d = select(distance(center, eye), 1.0, settings.orthographic != 0u);
     let wanted = wanted_points(settings, instance, kind, d, block.fade_begin, block.fade_end);
     let rank = sample & 0xffffffu;
-    if rank >= wanted.count {
-        item.count_flags = 0u;
-        return item;
-    }
-    return splat_item(view.view_from_world, instance, kind, kind.first_point + rank, 1u, wanted.radius, settings.overlap_gain, settings.splat_shape);
+    item = splat_item(view.view_from_world, instance, kind, kind.first_point + rank, 1u, wanted.radius, settings.overlap_gain, settings.splat_shape);
+    item.count_flags = select(0u, item.count_flags, is_there && rank < wanted.count);
+    return item;
 }

@@ -2,7 +2,7 @@
 //
 // One workgroup per work item, one thread per point. `splat_payload` follows.
 #import bevy_treeline::project::{covers, project}
-#import bevy_treeline::splat_bindings::{counters, item_index, settings}
+#import bevy_treeline::splat_bindings::{phase_items, settings}
 
 // As the 64-bit buffer lies in memory: payload, depth bits, payload, …
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u32>>;
@@ -10,12 +10,9 @@
 @compute @workgroup_size(#{POINTS_PER_ITEM})
 fn splat_depth(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let place = group.y * groups.x + group.x;
-    if place >= atomicLoad(&counters.phase_items) {
-        return;
-    }
-    let item = item_index(place);
-    let splat = project(item, lane);
-    if !splat.visible {
+    // First of all, while the whole workgroup is here: it reads its item once, not once a thread.
+    let splat = project(place, lane);
+    if place >= phase_items() || !splat.visible {
         return;
     }
     for (var y = splat.begin.y; y < splat.end.y; y++) {

@@ -2,20 +2,17 @@
 //
 // Of several at the same depth the largest payload wins, as with one 64-bit maximum, so both paths give one picture.
 // A point exactly as deep as a prepass mesh replaces it only here; the 64-bit path does the same (payload 0 loses).
-#import bevy_treeline::project::{covers, project}
-#import bevy_treeline::splat_bindings::{counters, item_index, payload_of, settings}
+#import bevy_treeline::project::{covers, item_place, project}
+#import bevy_treeline::splat_bindings::{payload_of, phase_items, settings}
 
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u32>>;
 
 @compute @workgroup_size(#{POINTS_PER_ITEM})
 fn splat_payload(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let place = group.y * groups.x + group.x;
-    if place >= atomicLoad(&counters.phase_items) {
-        return;
-    }
-    let item = item_index(place);
-    let splat = project(item, lane);
-    if !splat.visible {
+    // First of all, while the whole workgroup is here: it reads its item once, not once a thread.
+    let splat = project(place, lane);
+    if place >= phase_items() || !splat.visible {
         return;
     }
     for (var y = splat.begin.y; y < splat.end.y; y++) {
@@ -25,7 +22,7 @@ fn splat_payload(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
             }
             let i = 2u * (u32(y) * settings.size.x + u32(x));
             if splat.depth == atomicLoad(&visibility[i + 1u]) {
-                atomicMax(&visibility[i], payload_of(item, lane));
+                atomicMax(&visibility[i], payload_of(settings.first_item + item_place(place), lane));
             }
         }
     }

@@ -3,7 +3,7 @@
 use bevy::{prelude::*, render::extract_component::ExtractComponent};
 
 /// Shape of a splat. All have the area that their point stands for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum SplatShape {
     /// The piece of the surface that an LDI pixel hit: pieces tile the surface. Discs where a tree was peeled from more
     /// than three directions.

@@ -165,7 +165,7 @@ gpu_types! {
         pub leaf_overlap: f32,
         /// 1 / (2 spacing), the mean distance of drawn points in LDI pixels.
         pub half_inverse_spacing: f32,
-        /// Points (7 bits) | as discs << 7 | of a grove << 8 | its block << 10.
+        /// Points (7 bits) | as discs << 7, or of a grove: points | its block << 8.
         pub count_flags: u32,
     }
 
@@ -178,7 +178,7 @@ gpu_types! {
         pub origin: [u32; 2],
         /// Blocks of instances that the view selects from.
         pub block_count: u32,
-        /// Work items that fit, and runs.
+        /// Work items of the phase that fit, and runs.
         pub item_capacity: u32,
         /// `Z0`: pixels per world unit at distance 1 (naga_oil mangles names that end in a digit).
         pub pixels_per_unit: f32,
@@ -216,6 +216,12 @@ gpu_types! {
         pub pyramid_previous: u32,
         /// Place of the first texel of this frame's.
         pub pyramid_current: u32,
+        /// Place of the phase's first work item in the list of both.
+        pub first_item: u32,
+        /// Place of the first run of a grove in the list of runs.
+        pub first_grove_run: u32,
+        /// Zero.
+        pub pad: [u32; 2],
     }
 
     /// What happened, per view and frame.
@@ -249,6 +255,10 @@ gpu_types! {
         pub phase_items: u32,
         /// Its runs.
         pub phase_runs: u32,
+        /// Its work items of groves, which are not among the others.
+        pub phase_grove_items: u32,
+        /// Its runs of groves.
+        pub phase_grove_runs: u32,
         /// Points of the second phase.
         pub second_points: u32,
     }
@@ -268,6 +278,10 @@ gpu_types! {
         pub splat: [u32; 3],
         /// Zero.
         pub pad_splat: u32,
+        /// Splats of groves: workgroups x, y, z.
+        pub groves: [u32; 3],
+        /// Zero.
+        pub pad_groves: u32,
         /// Resolve: vertices, instances, first vertex, first instance.
         pub resolve: [u32; 4],
     }

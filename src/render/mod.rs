@@ -29,7 +29,8 @@ use bevy::{
         ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
         extract_component::ExtractComponentPlugin,
         render_resource::{
-            CachedPipelineState, Pipeline, PipelineCache, SpecializedRenderPipelines,
+            CachedPipelineState, Pipeline, PipelineCache, SpecializedComputePipelines,
+            SpecializedRenderPipelines,
         },
     },
 };
@@ -57,6 +58,7 @@ impl Plugin for TreelineRenderPlugin {
             .init_gpu_resource::<view::Views>()
             .init_gpu_resource::<counters::CounterReadback>()
             .init_gpu_resource::<SpecializedRenderPipelines<resolve::ResolvePipeline>>()
+            .init_gpu_resource::<SpecializedComputePipelines<splat::SplatPipelines>>()
             .add_systems(
                 RenderStartup,
                 (
@@ -71,7 +73,12 @@ impl Plugin for TreelineRenderPlugin {
                 Render,
                 (
                     resolve::specialize_resolve.in_set(RenderSystems::Queue),
-                    (residency::prepare_surfels, residency::prepare_instances, view::prepare_views)
+                    (
+                        residency::prepare_surfels,
+                        residency::prepare_instances,
+                        view::prepare_views,
+                        splat::specialize_splat,
+                    )
                         .chain()
                         .in_set(RenderSystems::PrepareResources),
                     (

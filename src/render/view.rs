@@ -3,7 +3,7 @@
 use super::{
     counters::{CounterReadback, TreelineCounters, ViewCounters},
     cull_tiles::{TileCounts, TileView, cull_tiles},
-    residency::InstancePool,
+    residency::{InstancePool, SurfelPool},
 };
 use crate::{
     forest::{Occlusion, QualityFactor, SplatShape, TreelineSettings},
@@ -68,6 +68,12 @@ pub(super) struct ViewBuffers {
     warned: Vec<&'static str>,
 }
 
+/// Of the work items that fit, those of the first phase; a multiple of 16, so that their bytes are one of 256, as
+/// bindings have to begin.
+fn first_phase_items(item_capacity: u32) -> u32 {
+    (item_capacity - item_capacity / 4).next_multiple_of(16)
+}
+
 /// Bytes from the settings of one phase to those of the next: the largest alignment that devices ask for.
 pub(super) const PHASE_STRIDE: u32 = 512;
 const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
@@ -114,6 +120,11 @@ impl Fit {
 const TOO_MANY_BLOCKS: &str = "blocks";
 
 impl ViewBuffers {
+    /// Place of the second phase's first work item.
+    pub fn first_phase_items(&self) -> u32 {
+        first_phase_items(self.item_capacity)
+    }
+
     /// Makes these the blocks that the view selects from. At most `most` fit.
     fn select_from(
         &mut self,
@@ -127,6 +138,7 @@ impl ViewBuffers {
             // Room for more, so that turning the camera does not make new buffers each frame.
             self.block_capacity = self.block_count.saturating_add(self.block_count / 2).min(most);
             self.view_blocks = block_buffer(device, self.block_capacity);
+            self.runs = run_buffer(device, self.item_capacity, self.block_capacity);
             self.written_blocks.clear();
         }
         if self.written_blocks != blocks {
@@ -153,6 +165,16 @@ impl Views {
 pub(super) struct ViewTrees {
     pub key: RetainedViewEntity,
     pub has_prepass: bool,
+    pub splat: SplatVariant,
+}
+
+/// What the splat pipelines of views differ in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct SplatVariant {
+    pub shape: SplatShape,
+    /// Discs for some of the trees, where the others are cells.
+    pub mixed: bool,
+    pub parallel: bool,
 }
 
 /// The resolve pipeline of a camera.
@@ -188,14 +210,19 @@ fn block_buffer(device: &RenderDevice, blocks: u32) -> Buffer {
     buffer(device, "treeline_view_blocks", size, written)
 }
 
-/// Runs, items, and how items come to the screen.
-fn item_buffers(device: &RenderDevice, capacity: u32) -> [Buffer; 3] {
+/// Runs of trees, each with an item, and of groves, one a block.
+fn run_buffer(device: &RenderDevice, items: u32, blocks: u32) -> Buffer {
+    let size = (u64::from(items) + u64::from(blocks)) * size_of::<GpuRun>() as u64;
+    buffer(device, "treeline_runs", size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
+}
+
+/// Items, and how they come to the screen.
+fn item_buffers(device: &RenderDevice, capacity: u32) -> [Buffer; 2] {
     let of = |label, bytes: usize| {
         let size = u64::from(capacity) * bytes as u64;
         buffer(device, label, size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
     };
     [
-        of("treeline_runs", size_of::<GpuRun>()),
         of("treeline_items", size_of::<GpuWorkItem>()),
         of("treeline_splat_items", size_of::<GpuSplatItem>()),
     ]
@@ -220,7 +247,7 @@ pub(super) fn prepare_views(
         ),
         With<Camera3d>,
     >,
-    instances: Res<InstancePool>,
+    (instances, surfels): (Res<InstancePool>, Res<SurfelPool>),
     counters: Res<TreelineCounters>,
     readback: Res<CounterReadback>,
     device: Res<RenderDevice>,
@@ -246,10 +273,11 @@ pub(super) fn prepare_views(
         let key = view.retained_view_entity;
         let most = (binding_limit / size_of::<GpuSplatItem>() as u64).min((1 << 26) - 1) as u32;
         let wanted = (settings.point_capacity_millions * 1e6 / POINTS_PER_ITEM as f32) as u32;
-        let item_capacity = wanted.clamp(1, most);
+        // Of 64 at least, so that both phases have some.
+        let item_capacity = wanted.clamp(64, most);
         let buffers = views.all.entry(key).or_insert_with(|| {
             let [visibility, blocks, pyramid] = pixel_buffers(&device, size);
-            let [runs, items, splat_items] = item_buffers(&device, item_capacity);
+            let [items, splat_items] = item_buffers(&device, item_capacity);
             let counters = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
             let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
             let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
@@ -261,7 +289,7 @@ pub(super) fn prepare_views(
                     uniform,
                 ),
                 view_blocks: block_buffer(&device, 0),
-                runs,
+                runs: run_buffer(&device, item_capacity, 0),
                 items,
                 splat_items,
                 counters: buffer(
@@ -326,8 +354,8 @@ pub(super) fn prepare_views(
         buffers.select_from(seen.blocks, most_blocks as u32, &device, &queue);
         buffers.tile_counts = seen.counts;
         if buffers.item_capacity != item_capacity {
-            [buffers.runs, buffers.items, buffers.splat_items] =
-                item_buffers(&device, item_capacity);
+            [buffers.items, buffers.splat_items] = item_buffers(&device, item_capacity);
+            buffers.runs = run_buffer(&device, item_capacity, buffers.block_capacity);
             buffers.item_capacity = item_capacity;
             buffers.fit = default();
         }
@@ -394,13 +422,28 @@ pub(super) fn prepare_views(
             previous_valid: u32::from(previous.is_some()),
             pyramid_previous: (1 - buffers.pyramid_half) * texels,
             pyramid_current: buffers.pyramid_half * texels,
+            first_item: 0,
+            first_grove_run: item_capacity,
+            pad: [0; 2],
         };
-        let second_phase = GpuSelectSettings { phase: 1, ..first_phase };
+        let first_items = if occlusion > 0 { buffers.first_phase_items() } else { item_capacity };
+        let first_phase = GpuSelectSettings { item_capacity: first_items, ..first_phase };
+        let second_phase = GpuSelectSettings {
+            phase: 1,
+            first_item: buffers.first_phase_items(),
+            item_capacity: item_capacity - buffers.first_phase_items(),
+            ..first_phase
+        };
         for (phase, settings) in [first_phase, second_phase].iter().enumerate() {
             let at = phase as u64 * u64::from(PHASE_STRIDE);
             queue.write_buffer(&buffers.settings, at, bytemuck::bytes_of(settings));
         }
-        commands.entity(entity).insert(ViewTrees { key, has_prepass });
+        let splat = SplatVariant {
+            shape: settings.splat_shape,
+            mixed: settings.splat_shape == SplatShape::Cells && surfels.has_discs,
+            parallel: orthographic,
+        };
+        commands.entity(entity).insert(ViewTrees { key, has_prepass, splat });
     }
     views.all.retain(|_, view| view.used);
 }

@@ -49,6 +49,8 @@ pub(in crate::render) struct SurfelPool {
     /// What the buffers hold.
     resident: HashMap<AssetId<TreeAsset>, Resident>,
     pub buffers: Option<SurfelBuffers>,
+    /// Some species was peeled from other directions than X, Y and Z: its splats are discs.
+    pub has_discs: bool,
     /// Grows with every change.
     pub generation: u64,
 }
@@ -191,6 +193,7 @@ pub(in crate::render) fn prepare_surfels(
         let resident = Resident { tree: tree.clone(), clusters: layout, slot };
         pool.resident.insert(*id, resident);
     }
+    pool.has_discs = pool.resident.values().any(|resident| resident.tree.sample_share() == 0.0);
     // A binding may not be empty.
     if species.is_empty() {
         species.push(bytemuck::Zeroable::zeroed());

@@ -5,11 +5,11 @@
 use super::{
     residency::{InstancePool, SurfelPool},
     select::{bound_settings, constants, phase_settings_binding},
-    view::{PHASE_STRIDE, ViewTrees, Views},
+    view::{PHASE_STRIDE, SplatVariant, ViewTrees, Views},
 };
 use crate::{
-    forest::SplatPath,
-    gpu::types::{GpuCounters, GpuIndirectArgs},
+    forest::{SplatPath, SplatShape},
+    gpu::types::{GpuCounters, GpuIndirectArgs, GpuSplatItem},
     shaders,
 };
 use bevy::{
@@ -23,7 +23,7 @@ use bevy::{
         view::{ViewUniform, ViewUniformOffset, ViewUniforms},
     },
 };
-use std::num::NonZeroU64;
+use std::{mem::offset_of, num::NonZeroU64};
 
 /// What the plugin was told.
 #[derive(Resource, Clone, Copy)]
@@ -82,9 +82,71 @@ pub(super) struct SplatPipelines {
     visibility_layout: BindGroupLayoutDescriptor,
     init_layout: BindGroupLayoutDescriptor,
     init_visibility: CachedComputePipelineId,
-    /// Run one after the other.
-    passes: Vec<CachedComputePipelineId>,
+    /// Entry points with their shaders, run one after the other.
+    entries: Vec<(&'static str, Handle<Shader>)>,
     no_depth: TextureView,
+}
+
+/// A splat pipeline: everything that a software driver would else pay for in every point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct SplatKey {
+    /// Index of the entry point.
+    entry: usize,
+    variant: SplatVariant,
+    /// Samples of groves instead of points of trees.
+    groves: bool,
+}
+
+impl SpecializedComputePipeline for SplatPipelines {
+    type Key = SplatKey;
+
+    fn specialize(&self, key: SplatKey) -> ComputePipelineDescriptor {
+        let (entry, shader) = self.entries[key.entry].clone();
+        let mut shader_defs = constants();
+        match key.variant.shape {
+            SplatShape::Cells => {}
+            SplatShape::Discs => shader_defs.push("SPLAT_DISCS".into()),
+            SplatShape::Squares => shader_defs.push("SPLAT_SQUARES".into()),
+        }
+        for (is_on, def) in [
+            (key.variant.mixed, "SPLAT_MIXED"),
+            (key.variant.parallel, "SPLAT_PARALLEL"),
+            (key.groves, "SPLAT_GROVES"),
+        ] {
+            if is_on {
+                shader_defs.push(def.into());
+            }
+        }
+        ComputePipelineDescriptor {
+            label: Some(format!("treeline_{entry}").into()),
+            layout: vec![self.layout.clone(), self.visibility_layout.clone()],
+            shader,
+            shader_defs,
+            entry_point: Some(entry.into()),
+            ..default()
+        }
+    }
+}
+
+/// The splat pipelines of a camera, in the order in which they run: of trees and of groves in turn.
+#[derive(Component)]
+pub(super) struct ViewSplatPipelines(Vec<CachedComputePipelineId>);
+
+pub(super) fn specialize_splat(
+    mut commands: Commands,
+    cameras: Query<(Entity, &ViewTrees)>,
+    pipelines: Option<Res<SplatPipelines>>,
+    mut specialized: ResMut<SpecializedComputePipelines<SplatPipelines>>,
+    cache: Res<PipelineCache>,
+) {
+    let Some(pipelines) = pipelines else { return };
+    for (entity, trees) in &cameras {
+        let keys = (0..pipelines.entries.len()).flat_map(|entry| {
+            [false, true].map(|groves| SplatKey { entry, variant: trees.splat, groves })
+        });
+        let ids = keys.map(|key| specialized.specialize(&cache, &pipelines, key)).collect();
+        commands.entity(entity).insert(ViewSplatPipelines(ids));
+    }
 }
 
 pub(super) fn init_splat_pipelines(
@@ -127,24 +189,22 @@ pub(super) fn init_splat_pipelines(
         "treeline_init_visibility",
         &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (write(), texture_depth_2d())),
     );
-    let pipeline = |entry: &'static str, path: &'static str, second: &BindGroupLayoutDescriptor| {
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(format!("treeline_{entry}").into()),
-            layout: vec![layout.clone(), second.clone()],
-            shader: asset_server.load(path),
-            shader_defs: constants(),
-            entry_point: Some(entry.into()),
-            ..default()
-        })
+    let init_visibility = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+        label: Some("treeline_init_visibility".into()),
+        layout: vec![layout.clone(), init_layout.clone()],
+        shader: asset_server.load(shaders::INIT_VISIBILITY),
+        shader_defs: constants(),
+        entry_point: Some("init_visibility".into()),
+        ..default()
+    });
+    let entries: &[(&'static str, &'static str)] = match support {
+        SplatSupport::U64 => &[("splat_u64", shaders::SPLAT_U64)],
+        SplatSupport::U32 { .. } => {
+            &[("splat_depth", shaders::SPLAT_DEPTH), ("splat_payload", shaders::SPLAT_PAYLOAD)]
+        }
+        SplatSupport::Off { .. } => &[],
     };
-    let passes = match support {
-        SplatSupport::U64 => vec![pipeline("splat_u64", shaders::SPLAT_U64, &visibility_layout)],
-        SplatSupport::U32 { .. } => vec![
-            pipeline("splat_depth", shaders::SPLAT_DEPTH, &visibility_layout),
-            pipeline("splat_payload", shaders::SPLAT_PAYLOAD, &visibility_layout),
-        ],
-        SplatSupport::Off { .. } => vec![],
-    };
+    let entries = entries.iter().map(|(entry, path)| (*entry, asset_server.load(*path))).collect();
     let no_depth = device.create_texture(&TextureDescriptor {
         label: Some("treeline_no_depth"),
         size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
@@ -156,8 +216,8 @@ pub(super) fn init_splat_pipelines(
         view_formats: &[],
     });
     commands.insert_resource(SplatPipelines {
-        init_visibility: pipeline("init_visibility", shaders::INIT_VISIBILITY, &init_layout),
-        passes,
+        init_visibility,
+        entries,
         no_depth: no_depth.create_view(&default()),
         layout,
         visibility_layout,
@@ -168,7 +228,8 @@ pub(super) fn init_splat_pipelines(
 /// On cameras that draw trees.
 #[derive(Component)]
 pub(super) struct SplatGroups {
-    main: BindGroup,
+    /// Of each phase.
+    main: [BindGroup; 2],
     visibility: BindGroup,
     init: BindGroup,
 }
@@ -192,21 +253,28 @@ pub(super) fn prepare_splat_groups(
     };
     for (entity, trees, prepass) in &cameras {
         let Some(view) = views.get(trees) else { continue };
-        let main = device.create_bind_group(
-            "treeline_splat",
-            &cache.get_bind_group_layout(&pipelines.layout),
-            &BindGroupEntries::sequential((
-                uniforms.clone(),
-                bound_settings(view),
-                surfels.species.as_entire_binding(),
-                tree_buffer.as_entire_binding(),
-                instances.blocks.buffer().as_entire_binding(),
-                view.splat_items.as_entire_binding(),
-                surfels.hot.as_entire_binding(),
-                instances.samples().as_entire_binding(),
-                view.counters.as_entire_binding(),
-            )),
-        );
+        let main = [0, view.first_phase_items()].map(|first_item| {
+            let items = BufferBinding {
+                buffer: &view.splat_items,
+                offset: u64::from(first_item) * size_of::<GpuSplatItem>() as u64,
+                size: None,
+            };
+            device.create_bind_group(
+                "treeline_splat",
+                &cache.get_bind_group_layout(&pipelines.layout),
+                &BindGroupEntries::sequential((
+                    uniforms.clone(),
+                    bound_settings(view),
+                    surfels.species.as_entire_binding(),
+                    tree_buffer.as_entire_binding(),
+                    instances.blocks.buffer().as_entire_binding(),
+                    BindingResource::Buffer(items),
+                    surfels.hot.as_entire_binding(),
+                    instances.samples().as_entire_binding(),
+                    view.counters.as_entire_binding(),
+                )),
+            )
+        });
         let visibility = device.create_bind_group(
             "treeline_visibility",
             &cache.get_bind_group_layout(&pipelines.visibility_layout),
@@ -227,13 +295,13 @@ pub(super) fn prepare_splat_groups(
 
 /// Draws the points that a phase has selected into the visibility buffer; the first makes it, too.
 pub(super) fn splat<const PHASE: u32>(
-    view: ViewQuery<(&ViewTrees, &SplatGroups, &ViewUniformOffset)>,
+    view: ViewQuery<(&ViewTrees, &SplatGroups, &ViewSplatPipelines, &ViewUniformOffset)>,
     views: Res<Views>,
     pipelines: Res<SplatPipelines>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (trees, groups, view_offset) = view.into_inner();
+    let (trees, groups, splat_pipelines, view_offset) = view.into_inner();
     let (Some(init), Some(buffers)) =
         (cache.get_compute_pipeline(pipelines.init_visibility), views.get(trees))
     else {
@@ -243,7 +311,7 @@ pub(super) fn splat<const PHASE: u32>(
         return;
     }
     let passes: Option<Vec<_>> =
-        pipelines.passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
+        splat_pipelines.0.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let label = if PHASE == 0 { "treeline_splat" } else { "treeline_splat_second" };
@@ -251,17 +319,18 @@ pub(super) fn splat<const PHASE: u32>(
     let mut pass = encoder
         .begin_compute_pass(&ComputePassDescriptor { label: Some(label), timestamp_writes: None });
     let span = diagnostics.pass_span(&mut pass, label);
-    pass.set_bind_group(0, &groups.main, &[view_offset.offset, PHASE * PHASE_STRIDE]);
+    let group = &groups.main[PHASE as usize];
+    pass.set_bind_group(0, group, &[view_offset.offset, PHASE * PHASE_STRIDE]);
     if PHASE == 0 {
         pass.set_pipeline(init);
         pass.set_bind_group(1, &groups.init, &[]);
         pass.dispatch_workgroups(buffers.size.x.div_ceil(64), buffers.size.y, 1);
     }
     pass.set_bind_group(1, &groups.visibility, &[]);
-    for pipeline in passes.into_iter().flatten() {
+    let of_what = [offset_of!(GpuIndirectArgs, splat), offset_of!(GpuIndirectArgs, groves)];
+    for (pipeline, args) in passes.into_iter().flatten().zip(of_what.into_iter().cycle()) {
         pass.set_pipeline(pipeline);
-        let at = std::mem::offset_of!(GpuIndirectArgs, splat) as u64;
-        pass.dispatch_workgroups_indirect(&buffers.args, at);
+        pass.dispatch_workgroups_indirect(&buffers.args, args as u64);
     }
     span.end(&mut pass);
 }
