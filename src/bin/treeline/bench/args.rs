@@ -70,8 +70,8 @@ pub struct BenchArgs {
     /// Distances of the scene `single`, units of the model (default: d0/2, d0, 2 d0, 4 d0, 8 d0).
     #[arg(long, value_delimiter = ',', value_parser = parse_metres, allow_negative_numbers = true)]
     pub distances: Vec<f32>,
-    /// Where on the flight of the landscape the last frame is, 0 to 1.
-    #[arg(long, default_value_t = 0.5, allow_negative_numbers = true)]
+    /// Where on the flight of the landscape the last frame is, 0 to 1 (0.75: over forest, to the horizon).
+    #[arg(long, default_value_t = 0.75, allow_negative_numbers = true)]
     pub at: f32,
     /// q of points: points per pixel of surface (default: the crate's).
     #[arg(long, value_parser = parse_quality, allow_negative_numbers = true)]

@@ -75,7 +75,11 @@ pub fn configurations(args: &BenchArgs, tree: &Tree) -> ToolResult<Vec<Configura
     };
     let all = scenes.into_iter().flat_map(|(instances, view)| {
         let techniques = args.techniques.iter();
-        techniques.map(move |name| Configuration { technique: name.clone(), instances, view })
+        techniques.map(move |name| Configuration {
+            technique: name.trim().to_owned(),
+            instances,
+            view,
+        })
     });
     Ok(all.collect())
 }
