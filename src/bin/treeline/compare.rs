@@ -83,16 +83,20 @@ struct Row {
     height: u32,
 }
 
-struct Errors {
-    mean: f32,
-    p95: f32,
-    block: f32,
+/// Of a picture against a reference.
+pub struct Errors {
+    /// FLIP.
+    pub mean: f32,
+    pub p95: f32,
+    /// RMSE of means of 16 × 16 pixels.
+    pub block: f32,
     coverage: f32,
-    map: RgbaImage,
+    /// FLIP of each pixel, as colours.
+    pub map: RgbaImage,
 }
 
 /// The box of pixels where the reference shows the tree, with a margin of 2.
-fn tree_box(reference: &RgbaImage) -> Option<CropRect> {
+pub fn tree_box(reference: &RgbaImage) -> Option<CropRect> {
     let covered = reference.enumerate_pixels().filter(|(_, _, p)| p[3] > 0);
     let bounds = covered.fold(None, |b: Option<[u32; 4]>, (x, y, _)| {
         let [x0, y0, x1, y1] = b.unwrap_or([x, y, x, y]);
@@ -104,7 +108,8 @@ fn tree_box(reference: &RgbaImage) -> Option<CropRect> {
     Some(CropRect { x, y, width, height })
 }
 
-fn errors(reference: &RgbaImage, test: &RgbaImage, crop: CropRect) -> ToolResult<Errors> {
+/// Errors of `test` within `crop`.
+pub fn errors(reference: &RgbaImage, test: &RgbaImage, crop: CropRect) -> ToolResult<Errors> {
     let message = |error: &dyn std::fmt::Display| ToolError::Message(error.to_string());
     let report = flip(reference, test, crop).map_err(|e| message(&e))?;
     let cut = |image: &RgbaImage| {

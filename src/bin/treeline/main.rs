@@ -1,6 +1,7 @@
-//! `treeline`: fly over a forest, look at a tree, bake, compare with the truth, ask the doctor.
+//! `treeline`: fly over a forest, look at a tree, bake, compare with the truth, measure, ask the doctor.
 
 mod bake;
+mod bench;
 mod compare;
 mod doctor;
 mod flip;
@@ -38,6 +39,8 @@ enum Command {
     Bake(bake::BakeArgs),
     /// Measure the error of points against the supersampled mesh, at several distances.
     Compare(compare::CompareArgs),
+    /// Measure techniques side by side: frame times, memory, image errors.
+    Bench(Box<bench::BenchArgs>),
     /// Say which adapter is used, what it can do, and which splat path that means.
     Doctor(doctor::DoctorArgs),
 }
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(&args),
         Command::Bake(args) => bake::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     };
     match result {

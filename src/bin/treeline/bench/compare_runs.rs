@@ -221,7 +221,7 @@ fn origin(results: &Results) -> String {
 }
 
 /// `adapter: a against b` for each part that is not the same.
-fn differing_parts(old: &Machine, new: &Machine) -> Vec<String> {
+pub fn differing_parts(old: &Machine, new: &Machine) -> Vec<String> {
     let parts = [
         ("adapter", old.adapter.clone(), new.adapter.clone()),
         ("driver", old.driver.clone(), new.driver.clone()),

@@ -19,11 +19,6 @@ pub fn median(values: &[f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// The quarter of the values below the first is less than it, the quarter above the second is more.
-pub fn quartiles(values: &[f64]) -> Option<[f64; 2]> {
-    Some([quantile(values, 0.25)?, quantile(values, 0.75)?])
-}
-
 /// How far the runs of one configuration lie apart in a column: most less least, as a share of the median. Nothing for less
 /// than two runs, whose noise is unknown.
 pub fn noise(values: &[f64]) -> Option<f64> {
@@ -77,10 +72,10 @@ mod tests {
     fn quantiles_lie_between_the_values() {
         let values = [4.0, 1.0, f64::NAN, 3.0, 2.0];
         assert_eq!(median(&values), Some(2.5));
-        assert_eq!(quartiles(&values), Some([1.75, 3.25]));
+        assert_eq!(quantile(&values, 0.25), Some(1.75));
         assert_eq!(median(&[7.0]), Some(7.0));
         assert_eq!(median(&[]), None);
-        assert_eq!(quartiles(&[f64::NAN]), None);
+        assert_eq!(quantile(&[f64::NAN], 0.25), None);
     }
 
     #[test]

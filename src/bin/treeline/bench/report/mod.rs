@@ -6,7 +6,7 @@ mod tables;
 
 use super::{
     format::count,
-    plot::{Plot, plots},
+    plot::Plot,
     row::{Results, Row},
     scenario::by_scenario,
 };
@@ -27,8 +27,13 @@ pub struct Picture {
 }
 
 /// Writes `report.html` into `out`, whole or not at all. Pictures are taken into the page as their files are.
-pub fn write_report(out: &Path, results: &Results, pictures: &[Picture]) -> ToolResult {
-    let page = page(results, &plots(results)?, pictures)?;
+pub fn write_report(
+    out: &Path,
+    results: &Results,
+    plots: &[Plot],
+    pictures: &[Picture],
+) -> ToolResult {
+    let page = page(results, plots, pictures)?;
     write_file(&out.join("report.html"), page.as_bytes())
 }
 
@@ -141,11 +146,12 @@ fn image(path: &Path, description: &str) -> ToolResult<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::sample::sample_results;
+    use crate::bench::{plot::plots, sample::sample_results};
 
     fn report(results: &Results, pictures: &[Picture]) -> String {
         let folder = tempfile::tempdir().expect("a folder");
-        write_report(folder.path(), results, pictures).expect("writes");
+        let plots = plots(results).expect("draws");
+        write_report(folder.path(), results, &plots, pictures).expect("writes");
         std::fs::read_to_string(folder.path().join("report.html")).expect("is there")
     }
 
@@ -210,7 +216,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let missing =
             Picture { image: "no/such.png".into(), ..picture(folder.path(), "points", 1) };
-        assert!(write_report(folder.path(), &sample_results(), &[missing]).is_err());
+        assert!(write_report(folder.path(), &sample_results(), &[], &[missing]).is_err());
         assert!(!folder.path().join("report.html").exists());
     }
 
