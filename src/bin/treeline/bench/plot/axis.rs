@@ -4,6 +4,11 @@ use crate::bench::format::tick;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::ops::Range;
 
+/// Powers of ten that a logarithmic axis shows at least: a few marks are in it wherever it lies.
+const LEAST_DECADES: f64 = 0.7;
+/// As many marks have room for their labels.
+const MOST_MARKS: usize = 8;
+
 /// The coordinates of plotters, with marks at round numbers and their labels short.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
@@ -21,7 +26,8 @@ impl Axis {
     pub fn logarithmic(label: &str, values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let (low, high) = bounds(values.into_iter().filter(|value| *value > 0.0))?;
         // Room at both ends: no mark sits on the frame.
-        let margin = 0.06 * (high / low).log10().max(1.0);
+        let decades = (high / low).log10();
+        let margin = (0.06 * decades).max(0.5 * (LEAST_DECADES - decades)).max(0.06);
         let (from, to) = (low.log10() - margin, high.log10() + margin);
         let steps: &[i32] = match to - from {
             0.0..1.2 => &[10, 15, 20, 30, 50, 70],
@@ -38,6 +44,16 @@ impl Axis {
         let marks = decades.flat_map(|decade| steps.iter().map(move |tens| mark(decade, *tens)));
         let marks = marks.filter(|mark| (from..=to).contains(mark)).collect();
         Some(Self { label: label.to_owned(), from, to, logarithmic: true, marks })
+    }
+
+    /// Logarithmic, with marks at the values themselves where they are few and apart: numbers that someone chose.
+    pub fn at(label: &str, values: &[f64]) -> Option<Self> {
+        let axis = Self::logarithmic(label, values.iter().copied())?;
+        let mut marks: Vec<f64> = values.iter().copied().filter(|value| *value > 0.0).collect();
+        marks.sort_by(f64::total_cmp);
+        marks.dedup();
+        let apart = marks.windows(2).all(|pair| pair[1] > 1.5 * pair[0]);
+        Some(if apart && marks.len() <= MOST_MARKS { Self { marks, ..axis } } else { axis })
     }
 
     /// From 0 to above the largest of `values`, with four to eight round marks.
@@ -109,8 +125,17 @@ mod tests {
         let short = Axis::logarithmic("s", [0.3, 9.0, 0.0, f64::NAN]).expect("values");
         assert_eq!(texts(&short), ["0.5", "1", "2", "5", "10"]);
         let one = Axis::logarithmic("s", [1e3]).expect("a value");
-        assert_eq!(texts(&one), ["1k"]);
+        assert_eq!(texts(&one), ["500", "700", "1k", "1.5k", "2k"]);
         assert_eq!(Axis::logarithmic("s", [0.0]), None);
+    }
+
+    #[test]
+    fn chosen_numbers_are_marked_themselves_unless_they_are_many_or_close() {
+        let marks = |values: &[f64]| texts(&Axis::at("trees", values).expect("values"));
+        assert_eq!(marks(&[1e3]), ["1k"]);
+        assert_eq!(marks(&[25.0, 12.5, 25.0, 100.0]), ["12.5", "25", "100"]);
+        assert_eq!(marks(&[1e3, 1.1e3, 1e7]), ["1k", "10k", "100k", "1M", "10M"]);
+        assert_eq!(Axis::at("trees", &[]), None);
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub fn against_position(
             let curves = curves(rows, looks, |row| Some((position(row), column(row)?, None)));
             Some(Panel {
                 title: (*title).to_owned(),
-                x: Axis::logarithmic(position_name(rows), all(&curves, 0))?,
+                x: Axis::at(position_name(rows), &all(&curves, 0))?,
                 y: Axis::logarithmic(unit, all(&curves, 1))?,
                 curves,
                 levels: vec![],
