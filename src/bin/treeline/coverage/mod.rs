@@ -42,7 +42,9 @@ pub fn run(
     settings: &TreelineSettings,
     out: &Path,
 ) -> ToolResult {
-    let mut wall = Wall::new(baked, splat_path, settings.clone())?;
+    // Hundreds of trees with all their points.
+    let settings = TreelineSettings { point_capacity_millions: 160.0, ..settings.clone() };
+    let mut wall = Wall::new(baked, splat_path, settings)?;
     // Sampled at the middle of pixels, so without bias however coarse; fine enough to be without noise.
     let truth = wall.draw(Technique::Mesh, TRUTH_TREES, LARGEST / TRUTH_TREES as f32)?;
     let (coverage, luminance) = (truth.coverage(), truth.luminance());
