@@ -20,11 +20,11 @@ pub use asset::{CacheLocation, TreeAsset};
 pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
-    CullingView, DebugView, Forest, LodState, NearMeshes, SplatPath, SplatShape, TreeImpostor,
-    TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
+    CullingView, DebugView, Forest, LodState, NearMeshes, SplatPath, SplatShape, TemporalSampling,
+    TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
 };
 pub use plugin::TreelinePlugin;
-pub use render::{TreelineCounters, ViewCounters};
+pub use render::{TreelineCounters, TreelineTaa, ViewCounters};
 
 /// Every struct that Rust and WGSL share, for `tests/shader_layout.rs`.
 #[doc(hidden)]

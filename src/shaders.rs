@@ -35,6 +35,8 @@ shader_files! {
     LOD = "lib/lod.wgsl",
     /// Twin of `forest::TreeInstance`.
     INSTANCE = "lib/instance.wgsl",
+    /// Quads over covered blocks of pixels.
+    BLOCK_QUAD = "lib/block_quad.wgsl",
     /// Depth peeling.
     PEEL = "bake/peel.wgsl",
     /// Bindings of selection.
@@ -65,6 +67,10 @@ shader_files! {
     DEBUG_VIEW = "resolve/debug_view.wgsl",
     /// Lights what the visibility buffer holds.
     RESOLVE = "resolve/resolve.wgsl",
+    /// Depth, normals and motion of points for Bevy's prepass textures.
+    WRITE_PREPASS = "prepass/write_prepass.wgsl",
+    /// Blends a frame with its past.
+    ACCUMULATE = "temporal/accumulate.wgsl",
     /// Bindings, sky and haze of landscapes.
     LANDSCAPE = "landscape/bindings.wgsl",
     /// Ground and water.

@@ -89,6 +89,8 @@ const STAGES: &[(&str, &[&str])] = &[(
         "select",
         "splat",
         "resolve",
+        "prepass",
+        "temporal",
         "shadow",
         "silhouette",
         "deferred_blend",

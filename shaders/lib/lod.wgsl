@@ -1,8 +1,9 @@
-// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size}.rs, statement for statement.
+// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size,window}.rs, statement for statement.
 #define_import_path bevy_treeline::lod
 
 const PI: f32 = 3.14159265;
 const CLOSED_OVERLAP: f32 = 2.0;
+const WINDOW_CYCLE: u32 = 8u;
 
 struct FadeBand {
     near: f32,
@@ -67,4 +68,17 @@ fn overlap(radius: f32, leaf_area: f32, gain: f32, thickness: u32, is_one_sided:
     }
     let closed = clamp(trusted / (2.0 * spacing) - 1.0, 0.0, 1.0);
     return leaf + (CLOSED_OVERLAP - leaf) * closed;
+}
+
+fn window_start(count: u32, total: u32, turn: u32) -> u32 {
+    if count == 0u || count >= total {
+        return 0u;
+    }
+    let bits = firstLeadingBit(total / count);
+    let slots = min(1u << bits, WINDOW_CYCLE);
+    let slot = turn % slots;
+    if (turn / slots) % 2u == 1u && slots < WINDOW_CYCLE {
+        return (((slot + 1u) * total) >> bits) - count;
+    }
+    return (slot * total) >> bits;
 }

@@ -68,7 +68,7 @@ struct SelectSettings {
     culling_frozen: u32,
     culling_planes: mat4x4<f32>,
     culling_eye: vec3<f32>,
-    pad: u32,
+    window: u32,
 }
 
 struct Counters {
@@ -89,4 +89,11 @@ struct IndirectArgs {
     splat: vec3<u32>,
     pad: u32,
     resolve: vec4<u32>,
+}
+
+struct TemporalSettings {
+    frames_at_rest: f32,
+    frames_in_motion: f32,
+    clip: f32,
+    reset: u32,
 }

@@ -6,6 +6,7 @@
 #import bevy_pbr::mesh_types::MESH_FLAGS_SHADOW_RECEIVER_BIT
 #import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_types::{STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT, pbr_input_new}
+#import bevy_treeline::block_quad::block_corner
 #ifdef TREELINE_DEBUG_VIEW
 #import bevy_treeline::debug_view::debug_color
 #endif
@@ -23,11 +24,7 @@
 
 @vertex
 fn resolve_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) quad: u32) -> @builtin(position) vec4<f32> {
-    let block = blocks[quad];
-    let right = select(0u, #{RESOLVE_BLOCK}u, corner == 1u || corner == 2u || corner == 4u);
-    let down = select(0u, #{RESOLVE_BLOCK}u, corner == 2u || corner == 4u || corner == 5u);
-    let pixel = vec2<f32>(vec2((block & 0xffffu) + right, (block >> 16u) + down));
-    return vec4(pixel / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0), 0.0, 1.0);
+    return block_corner(blocks[quad], corner, view.viewport.zw);
 }
 
 #ifdef TREELINE_FOG

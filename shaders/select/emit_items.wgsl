@@ -2,7 +2,8 @@
 //
 // One workgroup per block of instances; its threads share all items of the block, so that a near tree with
 // thousands of items does not keep one thread busy. CPU twin: src/forest/select.rs.
-#import bevy_treeline::instance::species_of
+#import bevy_treeline::instance::{hash_of, species_of}
+#import bevy_treeline::lod::{WINDOW_CYCLE, window_start}
 #import bevy_treeline::select_bindings::{POINTS_PER_ITEM, WORKGROUP, block_index, block_items, counters, draws, instances, item_count, items, settings, species, view_blocks}
 #import bevy_treeline::types::WorkItem
 
@@ -59,8 +60,15 @@ fn emit_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
             let draw = draws[begin + low];
             let first = (k - first_item[low]) * POINTS_PER_ITEM;
             let count = min(draw.count - first, POINTS_PER_ITEM);
-            let kind = species_of(instances[index]);
-            items[base + k] = WorkItem(index, species[kind].first_point + first, count, draw.radius);
+            let instance = instances[index];
+            let kind = species_of(instance);
+            var start = species[kind].first_point + first;
+            if settings.window != 0u {
+                // Each tree at its own turn: what one window shows less of does not flicker in all at once.
+                let turn = settings.window + u32(hash_of(instance) * f32(WINDOW_CYCLE));
+                start += window_start(draw.count, species[kind].point_count, turn);
+            }
+            items[base + k] = WorkItem(index, start, count, draw.radius);
             atomicAdd(&group_points, count);
         }
     }

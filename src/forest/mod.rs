@@ -18,7 +18,9 @@ pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
-pub use settings::{CullingView, DebugView, SplatPath, SplatShape, TreelineSettings, UploadBudget};
+pub use settings::{
+    CullingView, DebugView, SplatPath, SplatShape, TemporalSampling, TreelineSettings, UploadBudget,
+};
 
 use crate::asset::{NearMesh, TreeAsset};
 use bevy::{camera::visibility::VisibilitySystems, prelude::*, transform::TransformSystems};

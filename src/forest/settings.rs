@@ -15,6 +15,20 @@ pub enum SplatShape {
     Squares,
 }
 
+/// Which of its points a tree shows from frame to frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+pub enum TemporalSampling {
+    /// Windows on cameras with a [`TemporalJitter`](bevy::render::camera::TemporalJitter), which temporal antialiasing adds;
+    /// prefixes on others.
+    #[default]
+    Auto,
+    /// The first points of its list: the same in every frame.
+    Prefix,
+    /// As many points, but others in each of eight frames. A camera that averages frames then sees eight times the
+    /// points; one that does not sees noise.
+    Windows,
+}
+
 /// What a camera shows of the points instead of their lit colours: to see what the level of detail does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum DebugView {
@@ -90,6 +104,8 @@ pub struct TreelineSettings {
     pub overlap_gain: f32,
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
+    /// Which points trees show from frame to frame. Default: auto, other points in each frame of temporal antialiasing.
+    pub temporal: TemporalSampling,
     /// What to show instead of lit points. Default: off, which costs nothing.
     pub debug_view: DebugView,
     /// Another view that decides which trees are drawn and with how many points, to look at culling from outside. Near
@@ -110,6 +126,7 @@ impl Default for TreelineSettings {
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
+            temporal: TemporalSampling::Auto,
             debug_view: DebugView::Off,
             culling_view: None,
             point_capacity_millions: 32.0,

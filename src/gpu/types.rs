@@ -125,8 +125,8 @@ gpu_types! {
         pub culling_planes: [[f32; 4]; 4],
         /// Its eye.
         pub culling_eye: [f32; 3],
-        /// Zero.
-        pub pad: u32,
+        /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.
+        pub window: u32,
     }
 
     /// What happened, per view and frame.
@@ -165,5 +165,18 @@ gpu_types! {
         pub pad: u32,
         /// Resolve: vertices, instances, first vertex, first instance.
         pub resolve: [u32; 4],
+    }
+
+    /// Temporal antialiasing of a view, per frame.
+    #[derive(PartialEq)]
+    pub struct GpuTemporalSettings as "TemporalSettings" {
+        /// Frames that a pixel averages where nothing moves.
+        pub frames_at_rest: f32,
+        /// Frames that it averages in motion.
+        pub frames_in_motion: f32,
+        /// Standard deviations that the past may differ by.
+        pub clip: f32,
+        /// 1: there is no past.
+        pub reset: u32,
     }
 }

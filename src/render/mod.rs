@@ -1,4 +1,5 @@
-//! L3: the render world. extract → residency → cull_tiles → view → select → splat → resolve; counters flow back.
+//! L3: the render world. extract → residency → cull_tiles → view → select → splat → resolve, prepass; counters flow
+//! back.
 //!
 //! In: forests, single trees and settings of the main world. Out: lit pixels and depth in the main pass of every
 //! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: a look at each forest, plus instances
@@ -7,14 +8,17 @@
 mod counters;
 mod cull_tiles;
 mod extract;
+mod prepass;
 mod residency;
 mod resolve;
 mod select;
 mod splat;
+mod temporal;
 mod view;
 
 pub use counters::{TreelineCounters, ViewCounters};
 pub use splat::SplatSupport;
+pub use temporal::TreelineTaa;
 
 use crate::forest::{SplatPath, TreelineSettings};
 use bevy::{
@@ -29,6 +33,7 @@ use bevy::{
         render_resource::{
             CachedPipelineState, Pipeline, PipelineCache, SpecializedRenderPipelines,
         },
+        sync_component::SyncComponentPlugin,
     },
 };
 
@@ -41,8 +46,10 @@ pub(crate) struct TreelineRenderPlugin {
 impl Plugin for TreelineRenderPlugin {
     fn build(&self, app: &mut App) {
         let counters = TreelineCounters::default();
-        app.insert_resource(counters.clone())
-            .add_plugins(ExtractComponentPlugin::<TreelineSettings>::default());
+        app.insert_resource(counters.clone()).add_plugins((
+            ExtractComponentPlugin::<TreelineSettings>::default(),
+            SyncComponentPlugin::<TreelineTaa>::default(),
+        ));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(counters)
@@ -53,19 +60,31 @@ impl Plugin for TreelineRenderPlugin {
             .init_gpu_resource::<view::Views>()
             .init_gpu_resource::<counters::CounterReadback>()
             .init_gpu_resource::<SpecializedRenderPipelines<resolve::ResolvePipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<prepass::PrepassPipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<temporal::AccumulatePipeline>>()
+            .init_gpu_resource::<temporal::Histories>()
             .add_systems(
                 RenderStartup,
                 (
                     select::init_select_pipelines,
                     splat::init_splat_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
+                    prepass::init_prepass_pipeline,
+                    temporal::init_accumulate_pipeline,
                 ),
             )
-            .add_systems(ExtractSchedule, extract::extract_trees)
+            .add_systems(ExtractSchedule, (extract::extract_trees, temporal::extract_temporal))
             .add_systems(
                 Render,
                 (
-                    resolve::specialize_resolve.in_set(RenderSystems::Queue),
+                    temporal::prepare_jitter.in_set(RenderSystems::PrepareViews),
+                    (
+                        resolve::specialize_resolve,
+                        prepass::specialize_prepass,
+                        temporal::specialize_accumulate,
+                    )
+                        .in_set(RenderSystems::Queue),
+                    temporal::prepare_history.in_set(RenderSystems::PrepareResources),
                     (residency::prepare_surfels, residency::prepare_instances, view::prepare_views)
                         .chain()
                         .in_set(RenderSystems::PrepareResources),
@@ -73,6 +92,7 @@ impl Plugin for TreelineRenderPlugin {
                         select::prepare_select_groups,
                         splat::prepare_splat_groups,
                         resolve::prepare_resolve_groups,
+                        prepass::prepare_prepass_groups,
                     )
                         .in_set(RenderSystems::PrepareBindGroups),
                     counters::map_counters.in_set(RenderSystems::Cleanup),
@@ -81,15 +101,23 @@ impl Plugin for TreelineRenderPlugin {
             .add_systems(
                 Core3d,
                 (
-                    (select::select, splat::splat, resolve::classify, counters::copy_counters)
+                    // In the prepass, so that ambient occlusion, which comes after it, sees the points.
+                    (
+                        select::select,
+                        splat::splat,
+                        resolve::classify,
+                        counters::copy_counters,
+                        prepass::write_prepass,
+                    )
                         .chain()
                         .after(late_deferred_prepass)
-                        .before(Core3dSystems::MainPass),
+                        .in_set(Core3dSystems::Prepass),
                     // Before the opaque pass, so that terrain behind trees is never shaded.
                     resolve::resolve
                         .after(deferred_lighting)
                         .before(main_opaque_pass_3d)
                         .in_set(Core3dSystems::MainPass),
+                    temporal::accumulate.in_set(Core3dSystems::EarlyPostProcess),
                 ),
             );
     }

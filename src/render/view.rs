@@ -5,12 +5,12 @@ use super::{
     residency::InstancePool,
 };
 use crate::{
-    forest::{SplatShape, TreelineSettings},
+    forest::{SplatShape, TemporalSampling, TreelineSettings},
     gpu::types::{
         GpuCounters, GpuIndirectArgs, GpuInstanceDraw, GpuSelectSettings, GpuViewBlock,
         GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
     },
-    lod::prefix_count::z0,
+    lod::{prefix_count::z0, window::WINDOW_CYCLE},
 };
 use bevy::{
     camera::{primitives::Frustum, visibility::RenderLayers},
@@ -19,7 +19,7 @@ use bevy::{
     platform::collections::HashMap,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
+        camera::{ExtractedCamera, TemporalJitter},
         render_resource::{Buffer, BufferDescriptor, BufferUsages, CachedRenderPipelineId},
         renderer::{RenderDevice, RenderQueue},
         view::{ExtractedView, Msaa, RetainedViewEntity},
@@ -48,6 +48,8 @@ pub(super) struct ViewBuffers {
     item_capacity: u32,
     used: bool,
     warned: Vec<&'static str>,
+    /// Frames in which trees showed windows, counted up to the cycle.
+    window_turn: u32,
 }
 
 /// Name of a warning beside those of settings.
@@ -74,6 +76,20 @@ impl ViewBuffers {
             queue.write_buffer(&self.view_blocks, 0, bytemuck::cast_slice(&blocks));
             self.written_blocks = blocks;
         }
+    }
+
+    /// `GpuSelectSettings::window` of a frame.
+    fn next_window(&mut self, sampling: TemporalSampling, is_jittered: bool) -> u32 {
+        let has_windows = match sampling {
+            TemporalSampling::Auto => is_jittered,
+            TemporalSampling::Prefix => false,
+            TemporalSampling::Windows => true,
+        };
+        if !has_windows {
+            return 0;
+        }
+        self.window_turn = (self.window_turn + 1) % (2 * WINDOW_CYCLE);
+        self.window_turn + 1
     }
 }
 
@@ -157,6 +173,7 @@ pub(super) fn prepare_views(
             Option<&ViewPrepassTextures>,
             Option<&Frustum>,
             Option<&RenderLayers>,
+            Option<&TemporalJitter>,
         ),
         With<Camera3d>,
     >,
@@ -170,7 +187,7 @@ pub(super) fn prepare_views(
     let limits = device.limits();
     let binding_limit = limits.max_storage_buffer_binding_size;
     let everyone = RenderLayers::default();
-    for (entity, view, camera, msaa, settings, prepass, frustum, layers) in &cameras {
+    for (entity, view, camera, msaa, settings, prepass, frustum, layers, jitter) in &cameras {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
         let has_pixels =
@@ -217,6 +234,7 @@ pub(super) fn prepare_views(
                 item_capacity,
                 used: true,
                 warned: vec![],
+                window_turn: 0,
             }
         });
         buffers.used = true;
@@ -293,7 +311,7 @@ pub(super) fn prepare_views(
             culling_planes: planes
                 .map_or([[0.0; 4]; 4], |planes| [0, 1, 2, 3].map(|side| planes[side].to_array())),
             culling_eye: tile_view.eye.to_array(),
-            pad: 0,
+            window: buffers.next_window(settings.temporal, jitter.is_some()),
         };
         queue.write_buffer(&buffers.settings, 0, bytemuck::bytes_of(&data));
         commands.entity(entity).insert(ViewTrees { key, has_prepass });

@@ -55,7 +55,8 @@ pub(super) struct ResolvePipeline {
     empty_mesh_layout: MeshVertexBufferLayoutRef,
 }
 
-fn block_constant() -> ShaderDefVal {
+/// Side of a block, for shaders.
+pub(super) fn block_constant() -> ShaderDefVal {
     ShaderDefVal::UInt("RESOLVE_BLOCK".into(), RESOLVE_BLOCK)
 }
 
