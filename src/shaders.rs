@@ -65,6 +65,10 @@ shader_files! {
     SIZE_RESOLVE = "resolve/size_resolve.wgsl",
     /// Debug views of resolve.
     DEBUG_VIEW = "resolve/debug_view.wgsl",
+    /// A point's lit colour.
+    SHADE = "resolve/shade.wgsl",
+    /// Lights what the visibility buffer holds, of four samples a pixel.
+    RESOLVE_SAMPLES = "resolve/resolve_samples.wgsl",
     /// Lights what the visibility buffer holds.
     RESOLVE = "resolve/resolve.wgsl",
     /// Depth, normals and motion of points for Bevy's prepass textures.

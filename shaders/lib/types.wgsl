@@ -69,6 +69,8 @@ struct SelectSettings {
     culling_planes: mat4x4<f32>,
     culling_eye: vec3<f32>,
     window: u32,
+    pad: vec3<u32>,
+    samples_per_side: u32,
 }
 
 struct Counters {

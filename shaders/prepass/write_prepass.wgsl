@@ -38,11 +38,25 @@ struct Written {
     @builtin(frag_depth) depth: f32,
 }
 
+// What the nearest of a pixel's samples shows.
+fn nearest_sample(pixel: vec2<u32>, columns: u32) -> vec2<u32> {
+    let side = #{SAMPLES_PER_SIDE}u;
+    var nearest = vec2(0u);
+    for (var i = 0u; i < side * side; i++) {
+        let at = pixel * side + vec2(i % side, i / side);
+        let texel = visibility[at.y * columns * side + at.x];
+        if texel.x != 0u && texel.y >= nearest.y {
+            nearest = texel;
+        }
+    }
+    return nearest;
+}
+
 @fragment
 fn write_prepass(@builtin(position) frag_coord: vec4<f32>) -> Written {
     let size = vec2<u32>(view.viewport.zw);
     let pixel = vec2<u32>(frag_coord.xy - view.viewport.xy);
-    let texel = visibility[min(pixel.y, size.y - 1u) * size.x + min(pixel.x, size.x - 1u)];
+    let texel = nearest_sample(min(pixel, size - 1u), size.x);
     if texel.x == 0u {
         discard;
     }

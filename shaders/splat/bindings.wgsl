@@ -16,3 +16,8 @@
 fn payload_of(item: u32, lane: u32) -> u32 {
     return ((item << 6u) | lane) + 1u;
 }
+
+// Columns and rows of the visibility buffer: samples, of which a pixel has one or 2 × 2.
+fn grid_size() -> vec2<u32> {
+    return settings.size * settings.samples_per_side;
+}

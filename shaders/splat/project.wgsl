@@ -4,7 +4,7 @@
 
 #import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
 #import bevy_treeline::lod::{PI, overlap}
-#import bevy_treeline::splat_bindings::{instances, items, settings, species, surfels_hot, view}
+#import bevy_treeline::splat_bindings::{grid_size, instances, items, settings, species, surfels_hot, view}
 #import bevy_treeline::surfel::{surfel_face_normal, surfel_is_one_sided, surfel_position, surfel_thickness}
 
 // Below this cosine between view and normal a splat is a line, and its plane no use.
@@ -18,7 +18,7 @@ struct Splat {
     visible: bool,
     // Bits of the reversed-z depth of the centre.
     depth: u32,
-    // Pixels begin..end (end excluded), in the viewport.
+    // Samples begin..end (end excluded), in the viewport. A pixel here is a sample.
     begin: vec2<i32>,
     end: vec2<i32>,
     // View space: centre, unit normal, and their product; world units.
@@ -68,8 +68,8 @@ fn project(item_index: u32, lane: u32) -> Splat {
         return splat;
     }
     let ndc = clip.xyz / clip.w;
-    splat.pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(settings.size);
-    splat.unit = clip.w / settings.pixels_per_unit;
+    splat.pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(grid_size());
+    splat.unit = clip.w / (settings.pixels_per_unit * f32(settings.samples_per_side));
     splat.depth = bitcast<u32>(ndc.z);
 
     let leaf_area = kind.mean_leaf_area * instance.scale * instance.scale;
@@ -115,7 +115,7 @@ fn project(item_index: u32, lane: u32) -> Splat {
         reach = (extent.xy + abs(splat.center.xy / splat.center.z) * extent.z) / splat.unit * (-splat.center.z / nearest);
     }
     splat.begin = max(vec2<i32>(ceil(splat.pixel - reach - 0.5)), vec2(0));
-    splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), vec2<i32>(settings.size));
+    splat.end = min(vec2<i32>(ceil(splat.pixel + reach - 0.5)), vec2<i32>(grid_size()));
     splat.visible = all(splat.begin < splat.end);
     return splat;
 }

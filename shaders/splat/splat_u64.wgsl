@@ -2,7 +2,7 @@
 //
 // One workgroup per work item, one thread per point.
 #import bevy_treeline::project::{covers, project}
-#import bevy_treeline::splat_bindings::{counters, payload_of, settings}
+#import bevy_treeline::splat_bindings::{counters, grid_size, payload_of}
 
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u64>>;
 
@@ -22,7 +22,7 @@ fn splat_u64(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
             if !covers(splat, vec2(x, y)) {
                 continue;
             }
-            let i = u32(y) * settings.size.x + u32(x);
+            let i = u32(y) * grid_size().x + u32(x);
             // The plain load is only a filter: the atomic decides.
             if value > atomicLoad(&visibility[i]) {
                 atomicMax(&visibility[i], value);

@@ -104,6 +104,9 @@ pub struct TreelineSettings {
     pub overlap_gain: f32,
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
+    /// Samples of points in each pixel: 1 or 4. 4 antialias every single frame, without a history, for pictures and for
+    /// cameras with [`Msaa`]; each point that a pixel shows is lit once. Default: 1.
+    pub samples: u32,
     /// Which points trees show from frame to frame. Default: auto, other points in each frame of temporal antialiasing.
     pub temporal: TemporalSampling,
     /// What to show instead of lit points. Default: off, which costs nothing.
@@ -126,6 +129,7 @@ impl Default for TreelineSettings {
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
+            samples: 1,
             temporal: TemporalSampling::Auto,
             debug_view: DebugView::Off,
             culling_view: None,
@@ -152,6 +156,11 @@ impl TreelineSettings {
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
         clamp(&mut out.overlap_gain, 0.0, 1.0, 0.22, "overlap_gain");
         clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 32.0, "point_capacity_millions");
+        let samples = if out.samples > 1 { 4 } else { 1 };
+        if out.samples != samples {
+            out.samples = samples;
+            moved.push("samples");
+        }
         (out, moved)
     }
 }
@@ -177,9 +186,9 @@ mod tests {
     fn values_out_of_range_are_moved_and_named() {
         let (same, moved) = TreelineSettings::default().clamped();
         assert_eq!((same, moved.len()), (TreelineSettings::default(), 0));
-        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, ..default() };
+        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, samples: 2, ..default() };
         let (good, moved) = bad.clamped();
-        assert_eq!((good.quality, good.fade_width), (2.0, 0.9));
-        assert_eq!(moved, ["quality", "fade_width"]);
+        assert_eq!((good.quality, good.fade_width, good.samples), (2.0, 0.9, 4));
+        assert_eq!(moved, ["quality", "fade_width", "samples"]);
     }
 }

@@ -127,6 +127,10 @@ gpu_types! {
         pub culling_eye: [f32; 3],
         /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.
         pub window: u32,
+        /// Zero.
+        pub pad: [u32; 3],
+        /// Samples along each side of a pixel, 1 or 2.
+        pub samples_per_side: u32,
     }
 
     /// What happened, per view and frame.

@@ -34,6 +34,7 @@ mod tests {
     fn windows_lie_within_the_list() {
         for total in [1, 7, 64, 1000, 535_286, 500_000_000] {
             for count in [0, 1, 2, 3, total / 9, total / 5, total / 2, total - 1, total] {
+                let count = count.min(total);
                 for turn in 0..40 {
                     let start = window_start(count, total, turn);
                     assert!(start + count <= total, "{count} of {total}, turn {turn}: {start}");

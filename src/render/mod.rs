@@ -23,7 +23,9 @@ pub use temporal::TreelineTaa;
 use crate::forest::{SplatPath, TreelineSettings};
 use bevy::{
     core_pipeline::{
-        Core3d, Core3dSystems, core_3d::main_opaque_pass_3d, deferred::node::late_deferred_prepass,
+        Core3d, Core3dSystems,
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
+        deferred::node::late_deferred_prepass,
     },
     pbr::{MeshPipelineSystems, deferred::deferred_lighting},
     prelude::*,
@@ -68,6 +70,7 @@ impl Plugin for TreelineRenderPlugin {
                 (
                     select::init_select_pipelines,
                     splat::init_splat_pipelines,
+                    resolve::init_classify_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
                     prepass::init_prepass_pipeline,
                     temporal::init_accumulate_pipeline,
@@ -91,7 +94,8 @@ impl Plugin for TreelineRenderPlugin {
                     (
                         select::prepare_select_groups,
                         splat::prepare_splat_groups,
-                        resolve::prepare_resolve_groups,
+                        resolve::prepare_classify_groups,
+                        resolve::prepare_resolve_group,
                         prepass::prepare_prepass_groups,
                     )
                         .in_set(RenderSystems::PrepareBindGroups),
@@ -116,6 +120,10 @@ impl Plugin for TreelineRenderPlugin {
                     resolve::resolve
                         .after(deferred_lighting)
                         .before(main_opaque_pass_3d)
+                        .in_set(Core3dSystems::MainPass),
+                    resolve::resolve_edges
+                        .after(main_opaque_pass_3d)
+                        .before(main_transparent_pass_3d)
                         .in_set(Core3dSystems::MainPass),
                     temporal::accumulate.in_set(Core3dSystems::EarlyPostProcess),
                 ),

@@ -20,7 +20,7 @@ use bevy::{
     prelude::*,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
-        render_resource::{Buffer, BufferDescriptor, BufferUsages, CachedRenderPipelineId},
+        render_resource::{Buffer, BufferDescriptor, BufferUsages},
         renderer::{RenderDevice, RenderQueue},
         view::{ExtractedView, Msaa, RetainedViewEntity},
     },
@@ -35,10 +35,13 @@ pub(super) struct ViewBuffers {
     pub items: Buffer,
     pub counters: Buffer,
     pub args: Buffer,
-    /// Two words a pixel: payload, depth bits.
+    /// Two words a sample: payload, depth bits.
     pub visibility: Buffer,
     pub blocks: Buffer,
+    /// Pixels.
     pub size: UVec2,
+    /// Samples of a pixel, 1 or 4.
+    pub samples: u32,
     /// Blocks of instances that the view selects from.
     pub block_count: u32,
     pub tile_counts: TileCounts,
@@ -112,10 +115,6 @@ pub(super) struct ViewTrees {
     pub has_prepass: bool,
 }
 
-/// The resolve pipeline of a camera.
-#[derive(Component)]
-pub(super) struct ViewResolvePipeline(pub CachedRenderPipelineId);
-
 fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
     let size = size.max(16);
     device.create_buffer(&BufferDescriptor {
@@ -126,8 +125,8 @@ fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUs
     })
 }
 
-fn pixel_buffers(device: &RenderDevice, size: UVec2) -> (Buffer, Buffer) {
-    let pixels = u64::from(size.x) * u64::from(size.y);
+fn pixel_buffers(device: &RenderDevice, size: UVec2, samples: u32) -> (Buffer, Buffer) {
+    let pixels = u64::from(size.x) * u64::from(size.y) * u64::from(samples);
     let blocks =
         u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -190,8 +189,8 @@ pub(super) fn prepare_views(
     for (entity, view, camera, msaa, settings, prepass, frustum, layers, jitter) in &cameras {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
-        let has_pixels =
-            size.x > 0 && size.y > 0 && u64::from(size.x) * u64::from(size.y) * 8 <= binding_limit;
+        let samples = u64::from(size.x) * u64::from(size.y) * u64::from(settings.samples);
+        let has_pixels = samples > 0 && samples * 8 <= binding_limit;
         if !settings.enabled || !has_pixels || instances.count == 0 {
             commands.entity(entity).remove::<ViewTrees>();
             continue;
@@ -201,7 +200,7 @@ pub(super) fn prepare_views(
         let wanted = (settings.point_capacity_millions * 1e6 / POINTS_PER_ITEM as f32) as u32;
         let item_capacity = wanted.clamp(1, most);
         let buffers = views.all.entry(key).or_insert_with(|| {
-            let (visibility, blocks) = pixel_buffers(&device, size);
+            let (visibility, blocks) = pixel_buffers(&device, size, settings.samples);
             let counters = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
             let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
             let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
@@ -227,6 +226,7 @@ pub(super) fn prepare_views(
                 visibility,
                 blocks,
                 size,
+                samples: settings.samples,
                 block_count: 0,
                 tile_counts: default(),
                 written_blocks: vec![],
@@ -238,9 +238,9 @@ pub(super) fn prepare_views(
             }
         });
         buffers.used = true;
-        if buffers.size != size {
-            (buffers.visibility, buffers.blocks) = pixel_buffers(&device, size);
-            buffers.size = size;
+        if (buffers.size, buffers.samples) != (size, settings.samples) {
+            (buffers.visibility, buffers.blocks) = pixel_buffers(&device, size, settings.samples);
+            (buffers.size, buffers.samples) = (size, settings.samples);
         }
         let orthographic = view.clip_from_view.w_axis.w == 1.0;
         let frozen = settings.culling_view;
@@ -312,6 +312,8 @@ pub(super) fn prepare_views(
                 .map_or([[0.0; 4]; 4], |planes| [0, 1, 2, 3].map(|side| planes[side].to_array())),
             culling_eye: tile_view.eye.to_array(),
             window: buffers.next_window(settings.temporal, jitter.is_some()),
+            pad: [0; 3],
+            samples_per_side: if settings.samples > 1 { 2 } else { 1 },
         };
         queue.write_buffer(&buffers.settings, 0, bytemuck::bytes_of(&data));
         commands.entity(entity).insert(ViewTrees { key, has_prepass });

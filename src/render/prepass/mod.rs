@@ -9,7 +9,7 @@ use super::{
     resolve::block_constant,
     view::{ViewTrees, Views},
 };
-use crate::{gpu::types::GpuIndirectArgs, shaders};
+use crate::{forest::TreelineSettings, gpu::types::GpuIndirectArgs, shaders};
 use bevy::{
     core_pipeline::{
         core_3d::CORE_3D_DEPTH_FORMAT,
@@ -27,6 +27,7 @@ use bevy::{
         renderer::{RenderContext, RenderDevice, ViewQuery},
         view::{Msaa, ViewDepthTexture, ViewUniform, ViewUniformOffset, ViewUniforms},
     },
+    shader::ShaderDefVal,
 };
 
 /// What these pipelines differ in.
@@ -34,7 +35,10 @@ use bevy::{
 pub(super) struct PrepassKey {
     normals: bool,
     motion: bool,
-    samples: u32,
+    /// Of the camera.
+    msaa: u32,
+    /// Of the visibility buffer, along a side of a pixel.
+    samples_per_side: u32,
 }
 
 /// Makes the pipeline of each kind of view.
@@ -98,7 +102,10 @@ impl SpecializedRenderPipeline for PrepassPipeline {
     type Key = PrepassKey;
 
     fn specialize(&self, key: PrepassKey) -> RenderPipelineDescriptor {
-        let mut shader_defs = vec![block_constant()];
+        let mut shader_defs = vec![
+            block_constant(),
+            ShaderDefVal::UInt("SAMPLES_PER_SIDE".into(), key.samples_per_side),
+        ];
         shader_defs.extend(key.normals.then(|| "NORMAL_PREPASS".into()));
         shader_defs.extend(key.motion.then(|| "MOTION_VECTOR_PREPASS".into()));
         let mut targets = prepass_target_descriptors(key.normals, key.motion, false);
@@ -127,7 +134,7 @@ impl SpecializedRenderPipeline for PrepassPipeline {
                 stencil: default(),
                 bias: default(),
             }),
-            multisample: MultisampleState { count: key.samples, ..default() },
+            multisample: MultisampleState { count: key.msaa, ..default() },
             ..default()
         }
     }
@@ -137,7 +144,14 @@ impl SpecializedRenderPipeline for PrepassPipeline {
 pub(super) fn specialize_prepass(
     mut commands: Commands,
     cameras: Query<
-        (Entity, &Msaa, Has<DepthPrepass>, Has<NormalPrepass>, Has<MotionVectorPrepass>),
+        (
+            Entity,
+            &Msaa,
+            Option<&TreelineSettings>,
+            Has<DepthPrepass>,
+            Has<NormalPrepass>,
+            Has<MotionVectorPrepass>,
+        ),
         (With<ExtractedCamera>, With<Camera3d>),
     >,
     pipeline: Option<Res<PrepassPipeline>>,
@@ -145,12 +159,14 @@ pub(super) fn specialize_prepass(
     cache: Res<PipelineCache>,
 ) {
     let Some(pipeline) = pipeline else { return };
-    for (entity, msaa, depth, normals, motion) in &cameras {
+    for (entity, msaa, settings, depth, normals, motion) in &cameras {
         if !(depth || normals || motion) {
             commands.entity(entity).remove::<(ViewPrepassPipeline, PrepassGroups)>();
             continue;
         }
-        let key = PrepassKey { normals, motion, samples: msaa.samples() };
+        let has_samples = settings.is_some_and(|settings| settings.samples > 1);
+        let samples_per_side = if has_samples { 2 } else { 1 };
+        let key = PrepassKey { normals, motion, msaa: msaa.samples(), samples_per_side };
         let id = specialized.specialize(&cache, &pipeline, key);
         commands.entity(entity).insert(ViewPrepassPipeline { id, normals });
     }

@@ -13,6 +13,18 @@ pub(in crate::render) struct ResolveKey {
     pub mesh: MeshPipelineKey,
     pub fog: Option<SimpleFog>,
     pub debug_view: DebugView,
+    pub draw: ResolveDraw,
+}
+
+/// What a draw shows of the visibility buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum ResolveDraw {
+    /// All of it: a sample is a pixel.
+    Pixels,
+    /// Pixels with four covered samples.
+    Samples,
+    /// Pixels with one to three covered samples, blended.
+    Edges,
 }
 
 /// Fog of a kind that the shader computes itself. Bevy's own function holds every kind, and a software driver pays for
@@ -41,6 +53,9 @@ impl ResolveKey {
     /// What the shader is told.
     pub fn shader_defs(&self) -> Vec<ShaderDefVal> {
         let mut defs = vec![];
+        if self.draw == ResolveDraw::Edges {
+            defs.push("TREELINE_EDGES".into());
+        }
         if let Some(fog) = self.fog {
             defs.extend([
                 "TREELINE_FOG".into(),
