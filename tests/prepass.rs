@@ -170,7 +170,7 @@ fn motion_vectors_of_a_moved_camera_point_where_pixels_came_from() {
     // A step aside, nearer, and a turn.
     let mut place = before(TREE, 20.5);
     place.translation.x += 0.6;
-    place.rotate_y(0.03);
+    place.rotate_y(-0.03);
     stage.world().entity_mut(camera).insert(place);
     stage.step(1);
     let (present, clip) = (read_prepass(&stage, camera), clip_from_world(&stage, camera));
