@@ -22,11 +22,12 @@ pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
     CullingView, DebugView, Forest, LodState, NearMeshes, Occlusion, QualityFactor, SplatPath,
-    SplatShape, TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems, UploadBudget,
+    SplatShape, TemporalSampling, TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems,
+    UploadBudget,
 };
 pub use governor::{GovernorBudget, QualityGovernor};
 pub use plugin::TreelinePlugin;
-pub use render::{TreelineCounters, ViewCounters};
+pub use render::{TreelineCounters, TreelineTaa, ViewCounters};
 
 /// Every struct that Rust and WGSL share, for `tests/shader_layout.rs`.
 #[doc(hidden)]

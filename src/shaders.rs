@@ -41,6 +41,8 @@ shader_files! {
     OCCLUSION = "lib/occlusion.wgsl",
     /// How the points of a work item come to the screen.
     SPLAT_ITEM = "lib/splat_item.wgsl",
+    /// Quads over covered blocks of pixels.
+    BLOCK_QUAD = "lib/block_quad.wgsl",
     /// Depth peeling.
     PEEL = "bake/peel.wgsl",
     /// Bindings of selection.
@@ -81,10 +83,20 @@ shader_files! {
     CLASSIFY = "resolve/classify.wgsl",
     /// Sizes the resolve draw.
     SIZE_RESOLVE = "resolve/size_resolve.wgsl",
+    /// Bevy's lighting without lamps.
+    SUNLIGHT = "resolve/sunlight.wgsl",
     /// Debug views of resolve.
     DEBUG_VIEW = "resolve/debug_view.wgsl",
+    /// A point's lit colour.
+    SHADE = "resolve/shade.wgsl",
+    /// Lights what the visibility buffer holds, of four samples a pixel.
+    RESOLVE_SAMPLES = "resolve/resolve_samples.wgsl",
     /// Lights what the visibility buffer holds.
     RESOLVE = "resolve/resolve.wgsl",
+    /// Depth, normals and motion of points for Bevy's prepass textures.
+    WRITE_PREPASS = "prepass/write_prepass.wgsl",
+    /// Blends a frame with its past.
+    ACCUMULATE = "temporal/accumulate.wgsl",
     /// Bindings, sky and haze of landscapes.
     LANDSCAPE = "landscape/bindings.wgsl",
     /// Ground and water.

@@ -53,7 +53,7 @@ const LAYERS: &[Layer] = &[
     // L2
     Layer { at: "bake", may_name: &["math", "lod", "asset", "gpu", "shaders", "species"], may_not: &[] },
     Layer { at: "bake/lighting", may_name: &["math", "asset"], may_not: ENGINE },
-    Layer { at: "bake/order", may_name: &["math", "asset"], may_not: ENGINE },
+    Layer { at: "bake/order", may_name: &["math", "lod", "asset"], may_not: ENGINE },
     Layer { at: "bake/settings", may_name: &["math"], may_not: ENGINE },
     Layer { at: "bake/surfels", may_name: &["math", "asset"], may_not: ENGINE },
     // Instances and work items are kept in the form that the GPU reads: plain structs.
@@ -92,6 +92,8 @@ const STAGES: &[(&str, &[&str])] = &[(
         "splat",
         "pyramid",
         "resolve",
+        "prepass",
+        "temporal",
         "shadow",
         "silhouette",
         "deferred_blend",

@@ -1,10 +1,11 @@
-//! The WGSL twins of `math::hash`, `math::octahedral` and `asset::surfel` give what Rust gives. Runs on any adapter.
+//! The WGSL twins of `math::hash`, `math::octahedral`, `asset::surfel` and `lod::window` give what Rust gives. Runs on any adapter.
 use bevy::{
     math::{Vec2, Vec3},
     tasks::block_on,
 };
 use bevy_treeline::{
     asset::{Surfel, SurfelCold, SurfelHot, light_factor},
+    lod::window::window_start,
     math::{bounding::Aabb, hash, octahedral, quantize},
     shaders,
 };
@@ -13,7 +14,7 @@ const LO: Vec3 = Vec3::new(-2.0, 0.5, 10.0);
 const EXTENT: Vec3 = Vec3::new(4.0, 20.0, 0.25);
 const COUNT: usize = 4096;
 /// Numbers that the shader writes for each input.
-const WRITTEN: usize = 23;
+const WRITTEN: usize = 24;
 
 /// Calls every function of the libraries on words of random bits.
 const ENTRY: &str = "
@@ -29,14 +30,15 @@ fn call_all(@builtin(global_invocation_id) id: vec3<u32>) {
     let albedo = surfel_albedo(w.z, w.w);
     let square = encode(normal);
     let bits = encode_bits(normal, 8u, 7u);
-    var values = array<f32, 23>(
+    var values = array<f32, 24>(
         position.x, position.y, position.z, face.x, face.y, face.z, normal.x, normal.y, normal.z,
         albedo.x, albedo.y, albedo.z, f32(surfel_is_one_sided(w.y)) + 2.0 * f32(surfel_thickness(w.y)), f32(surfel_flags(w.w)), surfel_roughness(w.w),
         surfel_ambient_visibility(w.w), f32(surfel_group(w.w)) + surfel_metallic(w.w), unit_from_bits(w.x), square.x, square.y,
         f32(bits.x), f32(bits.y), surfel_light_factor(surfel_ambient_visibility(w.w)),
+        f32(window_start((w.x & 0xffffu) >> (w.w & 15u), 1u + (w.y & 0xffffffu), w.z)),
     );
-    for (var i = 0u; i < 23u; i++) {
-        written[id.x * 23u + i] = values[i];
+    for (var i = 0u; i < 24u; i++) {
+        written[id.x * 24u + i] = values[i];
     }
 }
 ";
@@ -51,13 +53,15 @@ fn expected(words: [u32; 4]) -> [f32; WRITTEN] {
     let albedo = s.albedo.map(quantize::srgb8_to_linear);
     let one_sided = (hot.position_z_face >> 31) as f32;
     let ambient = f32::from(s.ambient_visibility) / 255.0;
+    let count = (words[0] & 0xffff) >> (words[3] & 15);
+    let window = window_start(count, 1 + (words[1] & 0xff_ffff), words[2]);
     let (p, f, n) = (s.position, s.face_normal, s.normal);
     #[rustfmt::skip] // in the order of the shader
     let values = [
         p.x, p.y, p.z, f.x, f.y, f.z, n.x, n.y, n.z,
         albedo[0], albedo[1], albedo[2], one_sided + 2.0 * f32::from(s.thickness), f32::from(s.flags), s.roughness,
         ambient, f32::from(s.group) + s.metallic, hash::unit_from_bits(words[0]), square.x, square.y,
-        bits[0], bits[1], light_factor(ambient),
+        bits[0], bits[1], light_factor(ambient), window as f32,
     ];
     values
 }
@@ -91,7 +95,8 @@ fn source() -> String {
             .collect::<String>();
         plain.replace("octahedral::", "")
     };
-    [shaders::HASH, shaders::OCTAHEDRAL, shaders::SURFEL].map(library).concat() + ENTRY
+    [shaders::HASH, shaders::OCTAHEDRAL, shaders::SURFEL, shaders::LOD].map(library).concat()
+        + ENTRY
 }
 
 fn run(device: &wgpu::Device, queue: &wgpu::Queue, words: &[[u32; 4]]) -> Vec<f32> {
@@ -157,7 +162,7 @@ fn wgsl_and_rust_unpack_the_same_surfels() {
         for (i, (expected, found)) in std::iter::zip(expected(*words), found).enumerate() {
             let tolerance = match i {
                 // Whole numbers and hashes: to the bit.
-                12 | 13 | 16 | 17 => 0.0,
+                12 | 13 | 16 | 17 | 23 => 0.0,
                 // Rounded numbers: a step, where the rounded value lies between two.
                 20 | 21 => 1.0,
                 _ => 2e-5,

@@ -52,6 +52,10 @@ const DEF_SETS: &[(&str, &[&[Def]])] = &[
     ("resolve/resolve.wgsl", VIEWS),
     ("resolve/resolve.wgsl", FOGS),
     ("resolve/resolve.wgsl", DEBUG_VIEWS),
+    ("resolve/resolve_samples.wgsl", VIEWS),
+    ("resolve/resolve_samples.wgsl", EDGES),
+    ("prepass/write_prepass.wgsl", POINT_PREPASSES),
+    ("temporal/accumulate.wgsl", &[&[], &[on("HIGH_DYNAMIC_RANGE")]]),
     ("landscape/ground.wgsl", VIEWS),
     ("landscape/sky.wgsl", VIEWS),
     ("landscape/ground_prepass.wgsl", PREPASSES),
@@ -113,6 +117,16 @@ const fn fog(squared: u32, glow: u32) -> [Def; 5] {
         uint("TREELINE_FOG_GLOW", glow),
     ]
 }
+
+/// The draw of pixels that points cover in part.
+const EDGES: &[&[Def]] = &[&[on("TREELINE_EDGES"), on("VIEW_PROJECTION_PERSPECTIVE")]];
+
+/// What points write of Bevy's prepasses.
+const POINT_PREPASSES: &[&[Def]] = &[
+    &[uint("SAMPLES_PER_SIDE", 1)],
+    &[uint("SAMPLES_PER_SIDE", 2), on("NORMAL_PREPASS")],
+    &[uint("SAMPLES_PER_SIDE", 1), on("NORMAL_PREPASS"), on("MOTION_VECTOR_PREPASS")],
+];
 
 /// Debug views of resolve.
 const DEBUG_VIEWS: &[&[Def]] = &[

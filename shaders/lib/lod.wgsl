@@ -1,8 +1,10 @@
-// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size}.rs, statement for statement.
+// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size,window}.rs, statement for statement.
 #define_import_path bevy_treeline::lod
 
 const PI: f32 = 3.14159265;
 const CLOSED_OVERLAP: f32 = 2.0;
+const GROVE_WINDOW: u32 = 64u;
+const WINDOW_CYCLE: u32 = 8u;
 
 struct FadeBand {
     near: f32,
@@ -121,4 +123,23 @@ fn list_points(level: u32, level_count: u32, n0: u32) -> u32 {
 fn cluster_points(count: u32, size: u32, all: u32) -> u32 {
     let share = f32(size) / f32(all);
     return min(u32(f32(count) * share + 0.5), size);
+}
+
+fn window_start(count: u32, total: u32, turn: u32) -> u32 {
+    if count == 0u || count >= total {
+        return 0u;
+    }
+    let bits = firstLeadingBit(total / count);
+    let slots = min(1u << bits, WINDOW_CYCLE);
+    let slot = turn % slots;
+    if (turn / slots) % 2u == 1u && slots < WINDOW_CYCLE {
+        return (((slot + 1u) * total) >> bits) - count;
+    }
+    return (slot * total) >> bits;
+}
+
+// The point that a sample of a grove of rank `rank` shows: trees of a grove have few points, and windows (`window` as in
+// SelectSettings) begin GROVE_WINDOW points apart in their first list.
+fn grove_point(rank: u32, window: u32, n0: u32) -> u32 {
+    return (rank + max(window, 1u) * GROVE_WINDOW - GROVE_WINDOW) % min(n0, LIST_POINTS.x);
 }

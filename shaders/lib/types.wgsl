@@ -117,7 +117,8 @@ struct SelectSettings {
     pyramid_current: u32,
     first_item: u32,
     first_grove_run: u32,
-    pad: vec2<u32>,
+    window: u32,
+    samples_per_side: u32,
 }
 
 struct Counters {
@@ -150,4 +151,11 @@ struct IndirectArgs {
     groves: vec3<u32>,
     pad_groves: u32,
     resolve: vec4<u32>,
+}
+
+struct TemporalSettings {
+    frames_at_rest: f32,
+    frames_in_motion: f32,
+    clip: f32,
+    reset: u32,
 }

@@ -10,9 +10,11 @@
 @group(0) @binding(1) var<storage, read> visibility: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read_write> pyramid: array<f32>;
 
+// Of a sample, of which a pixel has one or 2 × 2.
 fn depth_at(x: u32, y: u32) -> f32 {
-    let row = min(y, settings.size.y - 1u) * settings.size.x;
-    return bitcast<f32>(visibility[row + min(x, settings.size.x - 1u)].y);
+    let grid = settings.size * settings.samples_per_side;
+    let row = min(y, grid.y - 1u) * grid.x;
+    return bitcast<f32>(visibility[row + min(x, grid.x - 1u)].y);
 }
 
 @compute @workgroup_size(64)
@@ -21,9 +23,9 @@ fn build_pyramid(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= texels.x * texels.y {
         return;
     }
-    let side = pyramid_side(0u);
+    let side = pyramid_side(0u) * settings.samples_per_side;
     let begin = vec2(id.x % texels.x, id.x / texels.x) * side;
-    let end = min(begin + side, settings.size);
+    let end = min(begin + side, settings.size * settings.samples_per_side);
     var farthest = 1.0;
     // SelectSettings.occlusion: 1 takes every pixel as it is; 2 closes holes of a pixel.
     if settings.occlusion == 2u {

@@ -10,6 +10,18 @@
 
 const BLOCK: u32 = #{RESOLVE_BLOCK}u;
 
+// Whether any sample of a pixel shows a point.
+fn is_covered(pixel: vec2<u32>) -> bool {
+    let side = settings.samples_per_side;
+    for (var i = 0u; i < side * side; i++) {
+        let sample = pixel * side + vec2(i % side, i / side);
+        if visibility[sample.y * settings.size.x * side + sample.x].x != 0u {
+            return true;
+        }
+    }
+    return false;
+}
+
 @compute @workgroup_size(64)
 fn classify(@builtin(global_invocation_id) id: vec3<u32>) {
     let columns = (settings.size.x + BLOCK - 1u) / BLOCK;
@@ -22,7 +34,7 @@ fn classify(@builtin(global_invocation_id) id: vec3<u32>) {
     var covered = 0u;
     for (var y = first.y; y < end.y; y++) {
         for (var x = first.x; x < end.x; x++) {
-            covered += select(0u, 1u, visibility[y * settings.size.x + x].x != 0u);
+            covered += select(0u, 1u, is_covered(vec2(x, y)));
         }
     }
     if covered == 0u {

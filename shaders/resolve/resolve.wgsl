@@ -1,72 +1,14 @@
-// Visibility buffer → lit colour and depth, inside Bevy's main pass and with Bevy's own lighting.
+// Visibility buffer → lit colour and depth, inside Bevy's main pass.
 //
 // One quad per covered block of pixels. Runs before the opaque pass, so that terrain hidden by trees is never shaded.
-#import bevy_pbr::mesh_view_bindings as bindings
 #import bevy_pbr::mesh_view_bindings::view
-#import bevy_pbr::mesh_types::MESH_FLAGS_SHADOW_RECEIVER_BIT
-#import bevy_pbr::pbr_functions
-#import bevy_pbr::pbr_types::{STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT, pbr_input_new}
-#ifdef TREELINE_DEBUG_VIEW
-#import bevy_treeline::debug_view::debug_color
-#endif
-#import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
-#import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
-
-@group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
-@group(2) @binding(1) var<storage, read> items: array<WorkItem>;
-@group(2) @binding(2) var<storage, read> surfels_hot: array<SurfelHot>;
-@group(2) @binding(3) var<storage, read> surfels_cold: array<SurfelCold>;
-// Read as two words, so that this stage needs no 64-bit support: payload, depth bits.
-@group(2) @binding(4) var<storage, read> visibility: array<vec2<u32>>;
-@group(2) @binding(5) var<storage, read> blocks: array<u32>;
-@group(2) @binding(6) var<storage, read> species: array<Species>;
-// Samples of groves: rank of the point | place of the tree in its block << 24.
-@group(2) @binding(7) var<storage, read> samples: array<u32>;
-
-// Bit of WorkItem.count: samples of a grove instead of points of a tree.
-const OF_GROVE: u32 = 0x80000000u;
+#import bevy_treeline::block_quad::block_corner
+#import bevy_treeline::shade::{blocks, shade, visibility}
 
 @vertex
 fn resolve_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) quad: u32) -> @builtin(position) vec4<f32> {
-    let block = blocks[quad];
-    let right = select(0u, #{RESOLVE_BLOCK}u, corner == 1u || corner == 2u || corner == 4u);
-    let down = select(0u, #{RESOLVE_BLOCK}u, corner == 2u || corner == 4u || corner == 5u);
-    let pixel = vec2<f32>(vec2((block & 0xffffu) + right, (block >> 16u) + down));
-    return vec4(pixel / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0), 0.0, 1.0);
+    return block_corner(blocks[quad], corner, view.viewport.zw);
 }
-
-#ifdef TREELINE_FOG
-#import bevy_pbr::mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT
-#import bevy_pbr::shadows
-
-// Bevy's exponential fogs, to the last term (`bevy_pbr::pbr_functions::apply_fog`). A software driver runs every branch
-// of that, so here the kind of fog is part of the pipeline.
-fn apply_fog(color: vec3<f32>, world_position: vec4<f32>, frag_coord: vec2<f32>) -> vec3<f32> {
-    let ray = world_position.xyz - view.world_position;
-    let distance = length(ray);
-    var fog_color = bindings::fog.base_color.rgb;
-    if #{TREELINE_FOG_GLOW}u == 1u {
-        let glow = bindings::fog.directional_light_color;
-        let direction = ray / distance;
-        let view_z = (view.view_from_world * world_position).z;
-        for (var i = 0u; i < bindings::lights.n_directional_lights; i++) {
-            let light = &bindings::lights.directional_lights[i];
-            let cosine = max(dot(direction, (*light).direction_to_light), 0.0);
-            var scattering = pow(cosine, bindings::fog.directional_light_exponent) * (*light).color.rgb * view.exposure;
-            if ((*light).flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
-                scattering *= shadows::fetch_directional_shadow(i, world_position, -direction, view_z, frag_coord);
-            }
-            fog_color += scattering * glow.rgb * glow.a;
-        }
-    }
-    var depth = distance * bindings::fog.be.x;
-    if #{TREELINE_FOG_SQUARED}u == 1u {
-        depth *= depth;
-    }
-    return mix(color, fog_color, bindings::fog.base_color.a * (1.0 - exp(-depth)));
-}
-#endif
 
 struct Resolved {
     @location(0) color: vec4<f32>,
@@ -81,63 +23,5 @@ fn resolve(@builtin(position) frag_coord: vec4<f32>) -> Resolved {
     if texel.x == 0u {
         discard;
     }
-    let item = items[(texel.x - 1u) >> 6u];
-    var point = item.first_point + ((texel.x - 1u) & 63u);
-    var instance_index = item.instance;
-    if (item.count & OF_GROVE) != 0u {
-        let sample = samples[point];
-        instance_index += sample >> 24u;
-        point = species[species_of(instances[instance_index])].first_point + (sample & 0xffffffu);
-    }
-    let instance = instances[instance_index];
-    let cold = surfels_cold[point];
-    let rotation = rotation_of(instance);
-    let depth = bitcast<f32>(texel.y);
-
-    let ndc = vec2(vec2<f32>(pixel) + 0.5) / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
-    let position = view.world_from_clip * vec4(ndc, depth, 1.0);
-    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
-    let is_lit = (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u;
-    if is_lit {
-        // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
-        // the crossfade.
-        albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
-    }
-
-    var pbr = pbr_input_new();
-    pbr.frag_coord = vec4(frag_coord.xy, depth, 1.0);
-    pbr.world_position = position / position.w;
-    pbr.is_orthographic = view.clip_from_view[3].w == 1.0;
-    pbr.V = pbr_functions::calculate_view(pbr.world_position, pbr.is_orthographic);
-    pbr.flags = MESH_FLAGS_SHADOW_RECEIVER_BIT;
-    pbr.material.base_color = vec4(albedo, 1.0);
-    var color = pbr.material.base_color;
-    if is_lit {
-        // The face decides which side is seen, as a rasteriser would: interpolated normals look away on low-poly trunks.
-        let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
-        let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-        let keeps = (surfel_flags(cold.albedo_b_misc) & SURFEL_KEEPS_NORMAL) != 0u;
-        pbr.N = select(-normal, normal, keeps || dot(face, pbr.V) >= 0.0);
-        pbr.world_normal = pbr.N;
-        pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
-        if keeps {
-            // Waxy, but never as smooth as a plane: as `standard_material` in src/bake/near.rs.
-            pbr.material.reflectance = vec3(0.25);
-        }
-        pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);
-        color = pbr_functions::apply_pbr_lighting(pbr);
-    }
-#ifdef TREELINE_FOG
-    color = vec4(apply_fog(color.rgb, pbr.world_position, frag_coord.xy), color.a);
-#else
-    pbr.material.flags |= STANDARD_MATERIAL_FLAGS_FOG_ENABLED_BIT;
-#endif
-    var out: Resolved;
-    out.color = pbr_functions::main_pass_post_lighting_processing(pbr, color);
-    out.depth = depth;
-#ifdef TREELINE_DEBUG_VIEW
-    let shading_normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-    out.color = vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, species[species_of(instance)], cold, shading_normal, pbr.world_position.xyz), 1.0);
-#endif
-    return out;
+    return Resolved(shade(texel, vec2<f32>(pixel) + 0.5, frag_coord.xy), bitcast<f32>(texel.y));
 }

@@ -4,7 +4,7 @@
 // listed blocks + runs). CPU twin: src/forest/select.rs.
 #import bevy_treeline::culling::{Draw, clusters, instances, points_of_cluster, runs_and_items, select_instance, species}
 #import bevy_treeline::instance::species_of
-#import bevy_treeline::lod::level_clusters
+#import bevy_treeline::lod::{level_clusters, window_start}
 #import bevy_treeline::select_bindings::{LISTED, WAS_HIDDEN, WORKGROUP, block_index, instance_blocks, instance_count, item_count, settings, view_blocks}
 #import bevy_treeline::types::Run
 
@@ -69,7 +69,9 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         if run >= settings.item_capacity {
             break;
         }
-        runs[run] = Run(item, instance, clusters[first + i].first_point, points, draw.radius);
+        let cluster = clusters[first + i];
+        let start = select(0u, window_start(points, cluster.count, settings.window - 1u), settings.window > 0u);
+        runs[run] = Run(item, instance, cluster.first_point + start, points, draw.radius);
         run += 1u;
         item += item_count(points);
     }

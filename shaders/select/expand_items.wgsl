@@ -43,7 +43,7 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         let first = run.first_point + skipped;
         let index = settings.first_item + select(place, settings.item_capacity - 1u - place, of_grove);
         if of_grove {
-            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | OF_GROVE, 0.0);
+            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | (settings.window << 8u) | OF_GROVE, 0.0);
             splat_items[index].first_point = first;
             splat_items[index].count_flags = count | (run.instance << 8u);
         } else {

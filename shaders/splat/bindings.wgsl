@@ -30,3 +30,8 @@ fn phase_items() -> u32 {
     return atomicLoad(&counters.phase_items);
 #endif
 }
+
+// Columns and rows of the visibility buffer: samples, of which a pixel has one or 2 × 2.
+fn grid_size() -> vec2<u32> {
+    return settings.size * settings.samples_per_side;
+}

@@ -3,6 +3,7 @@
 #define_import_path bevy_treeline::grove
 
 #import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
+#import bevy_treeline::lod::grove_point
 #import bevy_treeline::selection::wanted_points
 #import bevy_treeline::splat_bindings::{instance_blocks, instances, samples, settings, species, view}
 #import bevy_treeline::splat_item::{COUNT, splat_item}
@@ -21,7 +22,7 @@ fn grove_item(shared_item: SplatItem, lane: u32) -> SplatItem {
     let d = select(distance(center, eye), 1.0, settings.orthographic != 0u);
     let wanted = wanted_points(settings, instance, kind, d, block.fade_begin, block.fade_end);
     let rank = sample & 0xffffffu;
-    item = splat_item(view.view_from_world, instance, kind, kind.first_point + rank, 1u, wanted.radius, settings.overlap_gain, settings.splat_shape);
+    item = splat_item(view.view_from_world, instance, kind, kind.first_point + grove_point(rank, settings.window, kind.point_count), 1u, wanted.radius, settings.overlap_gain, settings.splat_shape);
     item.count_flags = select(0u, item.count_flags, is_there && rank < wanted.count);
     return item;
 }

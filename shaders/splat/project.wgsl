@@ -10,7 +10,7 @@
 #import bevy_treeline::grove::grove_item
 #endif
 #import bevy_treeline::lod::{PI, overlap}
-#import bevy_treeline::splat_bindings::{settings, splat_items, surfels_hot, view}
+#import bevy_treeline::splat_bindings::{grid_size, settings, splat_items, surfels_hot, view}
 #import bevy_treeline::splat_item::{AS_DISCS, COUNT}
 #import bevy_treeline::surfel::{surfel_face_direction, surfel_is_one_sided, surfel_thickness}
 #import bevy_treeline::types::SplatItem
@@ -23,7 +23,7 @@ struct Splat {
     visible: bool,
     // Bits of the reversed-z depth of the centre.
     depth: u32,
-    // Pixels begin..end (end excluded), in the viewport.
+    // Samples begin..end (end excluded), in the viewport. A pixel here is a sample.
     begin: vec2<i32>,
     end: vec2<i32>,
     // Where the ray through a pixel meets the plane of the splat: `across_u / across` and `across_v / across` from the
@@ -134,9 +134,9 @@ fn project_point(item: SplatItem, point: u32) -> Splat {
     // Nothing returns early: a software driver runs what follows all the same, for the other threads.
     let hidden = before || abs(toward) < EDGE_ON * away || (toward < 0.0 && one_sided);
     let ndc = clip.xyz / clip.w;
-    let pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(settings.size);
+    let pixel = (ndc.xy * vec2(0.5, -0.5) + 0.5) * vec2<f32>(grid_size());
     // World units a pixel there.
-    let unit = clip.w / settings.pixels_per_unit;
+    let unit = clip.w / (settings.pixels_per_unit * f32(settings.samples_per_side));
     splat.depth = bitcast<u32>(ndc.z);
 
     let area = item.area * overlap(item.leaf_overlap, surfel_thickness(surfel.position_z_face), one_sided, item.half_inverse_spacing);
@@ -180,7 +180,7 @@ fn project_point(item: SplatItem, point: u32) -> Splat {
         reach = (extent.xy + abs(center.xy / center.z) * extent.z) / unit * (-center.z / nearest);
     }
     splat.begin = max(vec2<i32>(ceil(pixel - reach - 0.5)), vec2(0));
-    splat.end = min(vec2<i32>(ceil(pixel + reach - 0.5)), vec2<i32>(settings.size));
+    splat.end = min(vec2<i32>(ceil(pixel + reach - 0.5)), vec2<i32>(grid_size()));
     splat.visible = !hidden && all(splat.begin < splat.end);
     return splat;
 }

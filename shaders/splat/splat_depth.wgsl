@@ -2,7 +2,7 @@
 //
 // One workgroup per work item, one thread per point. `splat_payload` follows.
 #import bevy_treeline::project::{covers, project}
-#import bevy_treeline::splat_bindings::{phase_items, settings}
+#import bevy_treeline::splat_bindings::{grid_size, phase_items}
 
 // As the 64-bit buffer lies in memory: payload, depth bits, payload, …
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u32>>;
@@ -20,7 +20,7 @@ fn splat_depth(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
             if !covers(splat, vec2(x, y)) {
                 continue;
             }
-            let i = 2u * (u32(y) * settings.size.x + u32(x)) + 1u;
+            let i = 2u * (u32(y) * grid_size().x + u32(x)) + 1u;
             if splat.depth > atomicLoad(&visibility[i]) {
                 atomicMax(&visibility[i], splat.depth);
             }

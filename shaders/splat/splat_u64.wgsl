@@ -2,7 +2,7 @@
 //
 // One workgroup per work item, one thread per point.
 #import bevy_treeline::project::{covers, item_place, project}
-#import bevy_treeline::splat_bindings::{payload_of, phase_items, settings}
+#import bevy_treeline::splat_bindings::{grid_size, payload_of, phase_items, settings}
 
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u64>>;
 
@@ -20,7 +20,7 @@ fn splat_u64(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
             if !covers(splat, vec2(x, y)) {
                 continue;
             }
-            let i = u32(y) * settings.size.x + u32(x);
+            let i = u32(y) * grid_size().x + u32(x);
             // The plain load is only a filter: the atomic decides.
             if value > atomicLoad(&visibility[i]) {
                 atomicMax(&visibility[i], value);

@@ -21,8 +21,8 @@ pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
 pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
 pub use settings::{
-    CullingView, DebugView, Occlusion, QualityFactor, SplatPath, SplatShape, TreelineSettings,
-    UploadBudget,
+    CullingView, DebugView, Occlusion, QualityFactor, SplatPath, SplatShape, TemporalSampling,
+    TreelineSettings, UploadBudget,
 };
 
 use crate::asset::{NearMesh, TreeAsset};

@@ -321,14 +321,13 @@ pub(super) fn update_near_meshes(
                     if slot.instance != w.instance {
                         entity.insert(transform);
                     }
-                    if w.dithered {
+                    // Once given, it stays: Bevy 0.19 stops drawing a mesh whose range is removed.
+                    if w.dithered || slot.dithered {
                         entity.insert(range.clone());
-                    } else if slot.dithered {
-                        entity.remove::<VisibilityRange>();
                     }
                 }
                 slot.instance = w.instance;
-                slot.dithered = w.dithered;
+                slot.dithered |= w.dithered;
             }
             None => {
                 let spawned = mesh.parts.iter().map(|part| {

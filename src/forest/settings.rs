@@ -32,6 +32,20 @@ pub enum Occlusion {
     Closed,
 }
 
+/// Which of its points a tree shows from frame to frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+pub enum TemporalSampling {
+    /// Windows on cameras with a [`TemporalJitter`](bevy::render::camera::TemporalJitter), which temporal antialiasing adds;
+    /// prefixes on others.
+    #[default]
+    Auto,
+    /// The first points of its list: the same in every frame.
+    Prefix,
+    /// As many points, but others in each of eight frames. A camera that averages frames then sees eight times the
+    /// points; one that does not sees noise.
+    Windows,
+}
+
 /// What a camera shows of the points instead of their lit colours: to see what the level of detail does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum DebugView {
@@ -109,6 +123,11 @@ pub struct TreelineSettings {
     pub splat_shape: SplatShape,
     /// What is not drawn because it is hidden. Default: closed.
     pub occlusion: Occlusion,
+    /// Samples of points in each pixel: 1 or 4. 4 antialias every single frame, without a history, for pictures and for
+    /// cameras with [`Msaa`]; each point that a pixel shows is lit once. Default: 1.
+    pub samples: u32,
+    /// Which points trees show from frame to frame. Default: auto, other points in each frame of temporal antialiasing.
+    pub temporal: TemporalSampling,
     /// What to show instead of lit points. Default: off, which costs nothing.
     pub debug_view: DebugView,
     /// Another view that decides which trees are drawn and with how many points, to look at culling from outside. Near
@@ -131,6 +150,8 @@ impl Default for TreelineSettings {
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
             occlusion: Occlusion::Closed,
+            samples: 1,
+            temporal: TemporalSampling::Auto,
             debug_view: DebugView::Off,
             culling_view: None,
             point_capacity_millions: 16.0,
@@ -156,6 +177,11 @@ impl TreelineSettings {
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
         clamp(&mut out.overlap_gain, 0.0, 1.0, 0.22, "overlap_gain");
         clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
+        let samples = if out.samples > 1 { 4 } else { 1 };
+        if out.samples != samples {
+            out.samples = samples;
+            moved.push("samples");
+        }
         (out, moved)
     }
 }
@@ -200,9 +226,9 @@ mod tests {
     fn values_out_of_range_are_moved_and_named() {
         let (same, moved) = TreelineSettings::default().clamped();
         assert_eq!((same, moved.len()), (TreelineSettings::default(), 0));
-        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, ..default() };
+        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, samples: 2, ..default() };
         let (good, moved) = bad.clamped();
-        assert_eq!((good.quality, good.fade_width), (2.0, 0.9));
-        assert_eq!(moved, ["quality", "fade_width"]);
+        assert_eq!((good.quality, good.fade_width, good.samples), (2.0, 0.9, 4));
+        assert_eq!(moved, ["quality", "fade_width", "samples"]);
     }
 }

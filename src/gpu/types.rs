@@ -220,8 +220,10 @@ gpu_types! {
         pub first_item: u32,
         /// Place of the first run of a grove in the list of runs.
         pub first_grove_run: u32,
-        /// Zero.
-        pub pad: [u32; 2],
+        /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.
+        pub window: u32,
+        /// Samples along each side of a pixel, 1 or 2.
+        pub samples_per_side: u32,
     }
 
     /// What happened, per view and frame.
@@ -284,5 +286,18 @@ gpu_types! {
         pub pad_groves: u32,
         /// Resolve: vertices, instances, first vertex, first instance.
         pub resolve: [u32; 4],
+    }
+
+    /// Temporal antialiasing of a view, per frame.
+    #[derive(PartialEq)]
+    pub struct GpuTemporalSettings as "TemporalSettings" {
+        /// Frames that a pixel averages where nothing moves.
+        pub frames_at_rest: f32,
+        /// Frames that it averages in motion.
+        pub frames_in_motion: f32,
+        /// Standard deviations that the past may differ by.
+        pub clip: f32,
+        /// 1: there is no past.
+        pub reset: u32,
     }
 }

@@ -1,5 +1,5 @@
 //! L3: the render world. extract → residency → cull_tiles → view → select → splat → pyramid → select → splat →
-//! resolve; counters flow back.
+//! resolve, prepass; counters flow back.
 //!
 //! In: forests, single trees and settings of the main world. Out: lit pixels and depth in the main pass of every
 //! `Camera3d`, and [`TreelineCounters`]. Each stage sees only the stages before it. Cost: a look at each forest, plus instances
@@ -8,20 +8,25 @@
 mod counters;
 mod cull_tiles;
 mod extract;
+mod prepass;
 mod pyramid;
 mod residency;
 mod resolve;
 mod select;
 mod splat;
+mod temporal;
 mod view;
 
 pub use counters::{TreelineCounters, ViewCounters};
 pub use splat::SplatSupport;
+pub use temporal::TreelineTaa;
 
 use crate::forest::{QualityFactor, SplatPath, TreelineSettings};
 use bevy::{
     core_pipeline::{
-        Core3d, Core3dSystems, core_3d::main_opaque_pass_3d, deferred::node::late_deferred_prepass,
+        Core3d, Core3dSystems,
+        core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
+        deferred::node::late_deferred_prepass,
     },
     pbr::{MeshPipelineSystems, deferred::deferred_lighting},
     prelude::*,
@@ -32,6 +37,7 @@ use bevy::{
             CachedPipelineState, Pipeline, PipelineCache, SpecializedComputePipelines,
             SpecializedRenderPipelines,
         },
+        sync_component::SyncComponentPlugin,
     },
 };
 
@@ -47,6 +53,7 @@ impl Plugin for TreelineRenderPlugin {
         app.insert_resource(counters.clone()).add_plugins((
             ExtractComponentPlugin::<TreelineSettings>::default(),
             ExtractComponentPlugin::<QualityFactor>::default(),
+            SyncComponentPlugin::<TreelineTaa>::default(),
         ));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
@@ -59,20 +66,33 @@ impl Plugin for TreelineRenderPlugin {
             .init_gpu_resource::<counters::CounterReadback>()
             .init_gpu_resource::<SpecializedRenderPipelines<resolve::ResolvePipeline>>()
             .init_gpu_resource::<SpecializedComputePipelines<splat::SplatPipelines>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<prepass::PrepassPipeline>>()
+            .init_gpu_resource::<SpecializedRenderPipelines<temporal::AccumulatePipeline>>()
+            .init_gpu_resource::<temporal::Histories>()
             .add_systems(
                 RenderStartup,
                 (
                     select::init_select_pipelines,
                     pyramid::init_pyramid_pipelines,
                     splat::init_splat_pipelines,
+                    resolve::init_classify_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
+                    prepass::init_prepass_pipeline,
+                    temporal::init_accumulate_pipeline,
                 ),
             )
-            .add_systems(ExtractSchedule, extract::extract_trees)
+            .add_systems(ExtractSchedule, (extract::extract_trees, temporal::extract_temporal))
             .add_systems(
                 Render,
                 (
-                    resolve::specialize_resolve.in_set(RenderSystems::Queue),
+                    temporal::prepare_jitter.in_set(RenderSystems::PrepareViews),
+                    (
+                        resolve::specialize_resolve,
+                        prepass::specialize_prepass,
+                        temporal::specialize_accumulate,
+                    )
+                        .in_set(RenderSystems::Queue),
+                    temporal::prepare_history.in_set(RenderSystems::PrepareResources),
                     (
                         residency::prepare_surfels,
                         residency::prepare_instances,
@@ -85,7 +105,9 @@ impl Plugin for TreelineRenderPlugin {
                         select::prepare_select_groups,
                         pyramid::prepare_pyramid_groups,
                         splat::prepare_splat_groups,
-                        resolve::prepare_resolve_groups,
+                        resolve::prepare_classify_groups,
+                        resolve::prepare_resolve_group,
+                        prepass::prepare_prepass_groups,
                     )
                         .in_set(RenderSystems::PrepareBindGroups),
                     counters::map_counters.in_set(RenderSystems::Cleanup),
@@ -94,6 +116,7 @@ impl Plugin for TreelineRenderPlugin {
             .add_systems(
                 Core3d,
                 (
+                    // In the prepass, so that ambient occlusion, which comes after it, sees the points.
                     (
                         select::select::<0>,
                         splat::splat::<0>,
@@ -102,15 +125,21 @@ impl Plugin for TreelineRenderPlugin {
                         splat::splat::<1>,
                         resolve::classify,
                         counters::copy_counters,
+                        prepass::write_prepass,
                     )
                         .chain()
                         .after(late_deferred_prepass)
-                        .before(Core3dSystems::MainPass),
+                        .in_set(Core3dSystems::Prepass),
                     // Before the opaque pass, so that terrain behind trees is never shaded.
                     resolve::resolve
                         .after(deferred_lighting)
                         .before(main_opaque_pass_3d)
                         .in_set(Core3dSystems::MainPass),
+                    resolve::resolve_edges
+                        .after(main_opaque_pass_3d)
+                        .before(main_transparent_pass_3d)
+                        .in_set(Core3dSystems::MainPass),
+                    temporal::accumulate.in_set(Core3dSystems::EarlyPostProcess),
                 ),
             );
     }

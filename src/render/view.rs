@@ -6,12 +6,12 @@ use super::{
     residency::{InstancePool, SurfelPool},
 };
 use crate::{
-    forest::{Occlusion, QualityFactor, SplatShape, TreelineSettings},
+    forest::{Occlusion, QualityFactor, SplatShape, TemporalSampling, TreelineSettings},
     gpu::types::{
         GpuCounters, GpuIndirectArgs, GpuRun, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
         GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK,
     },
-    lod::prefix_count::z0,
+    lod::{prefix_count::z0, window::WINDOW_CYCLE},
     math::occlusion::{PYRAMID_LEVELS, pyramid_offset},
 };
 use bevy::{
@@ -21,8 +21,8 @@ use bevy::{
     platform::collections::HashMap,
     prelude::*,
     render::{
-        camera::ExtractedCamera,
-        render_resource::{Buffer, BufferDescriptor, BufferUsages, CachedRenderPipelineId},
+        camera::{ExtractedCamera, TemporalJitter},
+        render_resource::{Buffer, BufferDescriptor, BufferUsages},
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
         view::{ExtractedView, Msaa, RetainedViewEntity},
@@ -39,12 +39,15 @@ pub(super) struct ViewBuffers {
     pub splat_items: Buffer,
     pub counters: Buffer,
     pub args: Buffer,
-    /// Two words a pixel: payload, depth bits.
+    /// Two words a sample: payload, depth bits.
     pub visibility: Buffer,
     pub blocks: Buffer,
     /// Farthest depths: of the frame before and of this one, in turn.
     pub pyramid: Buffer,
+    /// Pixels.
     pub size: UVec2,
+    /// Samples of a pixel, 1 or 4.
+    pub samples: u32,
     /// Makes a pyramid.
     pub occlusion: bool,
     /// Asks that of the frame before, so that there is a second phase.
@@ -66,6 +69,8 @@ pub(super) struct ViewBuffers {
     fit: Fit,
     used: bool,
     warned: Vec<&'static str>,
+    /// Frames in which trees showed windows, counted up to the cycle.
+    window_turn: u32,
 }
 
 /// Of the work items that fit, those of the first phase; a multiple of 16, so that their bytes are one of 256, as
@@ -146,6 +151,20 @@ impl ViewBuffers {
             self.written_blocks = blocks;
         }
     }
+
+    /// `GpuSelectSettings::window` of a frame.
+    fn next_window(&mut self, sampling: TemporalSampling, is_jittered: bool) -> u32 {
+        let has_windows = match sampling {
+            TemporalSampling::Auto => is_jittered,
+            TemporalSampling::Prefix => false,
+            TemporalSampling::Windows => true,
+        };
+        if !has_windows {
+            return 0;
+        }
+        self.window_turn = (self.window_turn + 1) % (2 * WINDOW_CYCLE);
+        self.window_turn + 1
+    }
 }
 
 /// Buffers by view; a view that is not drawn any more gives them back.
@@ -177,10 +196,6 @@ pub(super) struct SplatVariant {
     pub parallel: bool,
 }
 
-/// The resolve pipeline of a camera.
-#[derive(Component)]
-pub(super) struct ViewResolvePipeline(pub CachedRenderPipelineId);
-
 fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
     let size = size.max(16);
     device.create_buffer(&BufferDescriptor {
@@ -191,8 +206,8 @@ fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUs
     })
 }
 
-fn pixel_buffers(device: &RenderDevice, size: UVec2) -> [Buffer; 3] {
-    let pixels = u64::from(size.x) * u64::from(size.y);
+fn pixel_buffers(device: &RenderDevice, size: UVec2, samples: u32) -> [Buffer; 3] {
+    let pixels = u64::from(size.x) * u64::from(size.y) * u64::from(samples);
     let blocks =
         u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -243,7 +258,7 @@ pub(super) fn prepare_views(
             Option<&ViewPrepassTextures>,
             Option<&Frustum>,
             Option<&RenderLayers>,
-            &MainEntity,
+            (&MainEntity, Option<&TemporalJitter>),
         ),
         With<Camera3d>,
     >,
@@ -259,13 +274,22 @@ pub(super) fn prepare_views(
     let limits = device.limits();
     let binding_limit = limits.max_storage_buffer_binding_size;
     let everyone = RenderLayers::default();
-    for (entity, view, camera, msaa, (settings, factor), prepass, frustum, layers, main_entity) in
-        &cameras
+    for (
+        entity,
+        view,
+        camera,
+        msaa,
+        (settings, factor),
+        prepass,
+        frustum,
+        layers,
+        (main_entity, jitter),
+    ) in &cameras
     {
         let size = camera.physical_viewport_size.unwrap_or_default();
         let (settings, moved) = settings.cloned().unwrap_or_default().clamped();
-        let has_pixels =
-            size.x > 0 && size.y > 0 && u64::from(size.x) * u64::from(size.y) * 8 <= binding_limit;
+        let samples = u64::from(size.x) * u64::from(size.y) * u64::from(settings.samples);
+        let has_pixels = samples > 0 && samples * 8 <= binding_limit;
         if !settings.enabled || !has_pixels || instances.count == 0 {
             commands.entity(entity).remove::<ViewTrees>();
             continue;
@@ -276,7 +300,7 @@ pub(super) fn prepare_views(
         // Of 64 at least, so that both phases have some.
         let item_capacity = wanted.clamp(64, most);
         let buffers = views.all.entry(key).or_insert_with(|| {
-            let [visibility, blocks, pyramid] = pixel_buffers(&device, size);
+            let [visibility, blocks, pyramid] = pixel_buffers(&device, size, settings.samples);
             let [items, splat_items] = item_buffers(&device, item_capacity);
             let counters = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
             let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
@@ -308,6 +332,7 @@ pub(super) fn prepare_views(
                 previous_clip_from_world: None,
                 pyramid_half: 0,
                 fit: default(),
+                samples: settings.samples,
                 block_count: 0,
                 tile_counts: default(),
                 quality: settings.quality,
@@ -316,12 +341,14 @@ pub(super) fn prepare_views(
                 item_capacity,
                 used: true,
                 warned: vec![],
+                window_turn: 0,
             }
         });
         buffers.used = true;
-        if buffers.size != size {
-            [buffers.visibility, buffers.blocks, buffers.pyramid] = pixel_buffers(&device, size);
-            buffers.size = size;
+        if (buffers.size, buffers.samples) != (size, settings.samples) {
+            [buffers.visibility, buffers.blocks, buffers.pyramid] =
+                pixel_buffers(&device, size, settings.samples);
+            (buffers.size, buffers.samples) = (size, settings.samples);
             buffers.previous_clip_from_world = None;
         }
         let orthographic = view.clip_from_view.w_axis.w == 1.0;
@@ -424,7 +451,8 @@ pub(super) fn prepare_views(
             pyramid_current: buffers.pyramid_half * texels,
             first_item: 0,
             first_grove_run: item_capacity,
-            pad: [0; 2],
+            window: buffers.next_window(settings.temporal, jitter.is_some()),
+            samples_per_side: if settings.samples > 1 { 2 } else { 1 },
         };
         let first_items = if occlusion > 0 { buffers.first_phase_items() } else { item_capacity };
         let first_phase = GpuSelectSettings { item_capacity: first_items, ..first_phase };

@@ -3,6 +3,7 @@ use crate::bake::peel::{cpu, directions, viewports};
 use crate::bake::settings::BakeSettings;
 use crate::bake::source::SourceModel;
 use crate::bake::test_models::{self, bounds};
+use crate::lod::window::{WINDOW_CYCLE, window_start};
 use crate::math::hash::SplitMix64;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -137,6 +138,51 @@ fn lattice_keys_take_the_even_quarter_first_then_its_diagonals() {
     let cells: Vec<[u16; 2]> = cells.into_iter().map(|(_, cell)| cell).collect();
     assert_eq!(cells[..4], [[0, 0], [2, 2], [2, 0], [0, 2]]);
     assert!(cells[4..8].iter().all(|[x, y]| x % 2 == 1 && y % 2 == 1));
+}
+
+/// The largest hole of each of the windows that eight frames show of `n` points.
+fn window_gaps(positions: &[Vec3], order: &[u32], n: usize) -> Vec<f32> {
+    let starts = (0..WINDOW_CYCLE)
+        .map(|turn| window_start(n as u32, order.len() as u32, turn) as usize)
+        .collect::<std::collections::BTreeSet<_>>();
+    starts.into_iter().map(|start| coverage_gap(positions, &order[start..], n)).collect()
+}
+
+#[test]
+fn every_window_of_a_lattice_list_is_as_even_as_its_prefix() {
+    let samples = ball(200);
+    let positions = positions(&samples);
+    let order = order(&samples, OrderMethod::Lattice, 1, &|_| {});
+    // Between powers of 4 a window is most of two lattices.
+    for share in [3.0, 3.9, 5.0, 7.0, 9.0, 13.0, 16.5, 23.0, 40.0, 63.0, 100.0] {
+        let n = (samples.len() as f32 / share) as usize;
+        let prefix = coverage_gap(&positions, &order, n);
+        let gaps = window_gaps(&positions, &order, n);
+        let worst = gaps.iter().copied().fold(0.0, f32::max) / prefix;
+        let anywhere = (1..40)
+            .map(|i| i * (samples.len() - n) / 40)
+            .map(|start| coverage_gap(&positions, &order[start..], n))
+            .fold(0.0, f32::max)
+            / prefix;
+        println!("1/{share}: {} windows, worst hole {worst}, of any range {anywhere}", gaps.len());
+        assert!(worst < 1.35, "1/{share}: {gaps:?} against {prefix}");
+    }
+}
+
+#[test]
+fn eight_windows_together_are_as_even_as_a_prefix_of_their_size() {
+    let samples = ball(200);
+    let positions = positions(&samples);
+    let order = order(&samples, OrderMethod::Lattice, 1, &|_| {});
+    for share in [9.0, 16.0, 30.0, 64.0, 120.0] {
+        let n = (samples.len() as f32 / share) as usize;
+        let starts = (0..WINDOW_CYCLE).map(|turn| window_start(n as u32, order.len() as u32, turn));
+        let shown: Vec<u32> = starts.flat_map(|s| &order[s as usize..][..n]).copied().collect();
+        let together = coverage_gap(&positions, &shown, shown.len());
+        let prefix = coverage_gap(&positions, &order, shown.len());
+        println!("8 / {share}: hole {}", together / prefix);
+        assert!(together / prefix < 2.0, "8 windows of 1/{share}: {together} against {prefix}");
+    }
 }
 
 #[test]

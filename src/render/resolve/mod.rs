@@ -1,17 +1,21 @@
 //! Resolve: visibility buffer → lit colour and depth in the main pass, for the blocks of pixels that show points.
 //!
-//! `classify` → `size_resolve` → `resolve` (a render pass with Bevy's own lighting, shadows, fog and tone mapping).
+//! `classify` → `size_resolve` → `resolve` (a render pass with Bevy's own lighting, shadows, fog and tone mapping); with four
+//! samples a pixel, `resolve_edges` after the opaque pass.
 
+mod classify;
 mod variant;
+
+pub(super) use classify::{classify, init_classify_pipelines, prepare_classify_groups};
 
 use super::{
     residency::{InstancePool, SurfelPool},
-    select::{bound_settings, grid, settings_binding},
-    view::{ViewResolvePipeline, ViewTrees, Views},
+    select::{bound_settings, settings_binding},
+    view::{ViewTrees, Views},
 };
 use crate::{
     forest::{DebugView, TreelineSettings},
-    gpu::types::{GpuCounters, RESOLVE_BLOCK},
+    gpu::types::{GpuIndirectArgs, RESOLVE_BLOCK},
     shaders,
 };
 use bevy::{
@@ -20,6 +24,7 @@ use bevy::{
         VertexBufferLayout,
     },
     pbr::{
+        ExtractedDirectionalLight, ExtractedPointLight, ExtractedRectLight,
         MATERIAL_BIND_GROUP_INDEX, MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache,
     },
     prelude::*,
@@ -32,17 +37,7 @@ use bevy::{
     },
     shader::ShaderDefVal,
 };
-use std::num::NonZeroU64;
-use variant::{ResolveKey, SimpleFog};
-
-/// Compute pipelines before the draw.
-#[derive(Resource)]
-pub(super) struct ClassifyPipelines {
-    layout: BindGroupLayoutDescriptor,
-    size_layout: BindGroupLayoutDescriptor,
-    classify: CachedComputePipelineId,
-    size_resolve: CachedComputePipelineId,
-}
+use variant::{ResolveDraw, ResolveKey, SimpleFog, Sunlight};
 
 /// Makes the draw pipeline of each kind of view.
 #[derive(Resource, Clone)]
@@ -51,50 +46,23 @@ pub(super) struct ResolvePipeline {
     /// With what debug views read besides.
     debug_layout: BindGroupLayoutDescriptor,
     shader: Handle<Shader>,
+    /// That for four samples a pixel.
+    samples_shader: Handle<Shader>,
     mesh_pipeline: MeshPipeline,
     empty_mesh_layout: MeshVertexBufferLayoutRef,
 }
 
-fn block_constant() -> ShaderDefVal {
+/// Side of a block, for shaders.
+pub(super) fn block_constant() -> ShaderDefVal {
     ShaderDefVal::UInt("RESOLVE_BLOCK".into(), RESOLVE_BLOCK)
 }
 
 pub(super) fn init_resolve_pipelines(
     mut commands: Commands,
     asset_server: Res<AssetServer>,
-    cache: Res<PipelineCache>,
     mesh_pipeline: Res<MeshPipeline>,
 ) {
     let read = || storage_buffer_read_only_sized(false, None);
-    let write = || storage_buffer_sized(false, None);
-    let counters = || storage_buffer_sized(false, NonZeroU64::new(size_of::<GpuCounters>() as u64));
-    let classify_layout = BindGroupLayoutDescriptor::new(
-        "treeline_classify",
-        &BindGroupLayoutEntries::sequential(
-            ShaderStages::COMPUTE,
-            (settings_binding(), read(), write(), counters()),
-        ),
-    );
-    let size_layout = BindGroupLayoutDescriptor::new(
-        "treeline_size_resolve",
-        &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (counters(), write())),
-    );
-    let pipeline = |entry: &'static str, path: &'static str, layout: &BindGroupLayoutDescriptor| {
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(format!("treeline_{entry}").into()),
-            layout: vec![layout.clone()],
-            shader: asset_server.load(path),
-            shader_defs: vec![block_constant()],
-            entry_point: Some(entry.into()),
-            ..default()
-        })
-    };
-    commands.insert_resource(ClassifyPipelines {
-        classify: pipeline("classify", shaders::CLASSIFY, &classify_layout),
-        size_resolve: pipeline("size_resolve", shaders::SIZE_RESOLVE, &size_layout),
-        layout: classify_layout,
-        size_layout,
-    });
     let layout = BindGroupLayoutDescriptor::new(
         "treeline_resolve",
         &BindGroupLayoutEntries::sequential(
@@ -118,6 +86,7 @@ pub(super) fn init_resolve_pipelines(
         layout,
         debug_layout,
         shader: asset_server.load(shaders::RESOLVE),
+        samples_shader: asset_server.load(shaders::RESOLVE_SAMPLES),
         mesh_pipeline: mesh_pipeline.clone(),
         empty_mesh_layout: MeshVertexBufferLayouts::default()
             .insert(MeshVertexBufferLayout::new(vec![], no_vertices)),
@@ -133,7 +102,20 @@ impl SpecializedRenderPipeline for ResolvePipeline {
             .mesh_pipeline
             .specialize(key.mesh, &self.empty_mesh_layout)
             .expect("no vertex attribute is asked for, so none can be missing");
-        descriptor.label = Some("treeline_resolve".into());
+        let (label, shader, vertex_entry, entry) = match key.draw {
+            ResolveDraw::Pixels => ("treeline_resolve", &self.shader, "resolve_vertex", "resolve"),
+            ResolveDraw::Samples | ResolveDraw::Edges => (
+                if key.draw == ResolveDraw::Edges {
+                    "treeline_resolve_edges"
+                } else {
+                    "treeline_resolve"
+                },
+                &self.samples_shader,
+                "resolve_samples_vertex",
+                "resolve_samples",
+            ),
+        };
+        descriptor.label = Some(label.into());
         descriptor.layout.truncate(2);
         descriptor.layout.push(match key.debug_view {
             DebugView::Off => self.layout.clone(),
@@ -145,17 +127,22 @@ impl SpecializedRenderPipeline for ResolvePipeline {
             block_constant(),
         ];
         descriptor.vertex.buffers.clear();
-        descriptor.vertex.shader = self.shader.clone();
-        descriptor.vertex.entry_point = Some("resolve_vertex".into());
+        descriptor.vertex.shader = shader.clone();
+        descriptor.vertex.entry_point = Some(vertex_entry.into());
         descriptor.vertex.shader_defs.extend(defs.clone());
         if let Some(fragment) = &mut descriptor.fragment {
-            fragment.shader = self.shader.clone();
-            fragment.entry_point = Some("resolve".into());
+            fragment.shader = shader.clone();
+            fragment.entry_point = Some(entry.into());
             fragment.shader_defs.extend(defs);
             fragment.shader_defs.extend(key.shader_defs());
+            if key.draw == ResolveDraw::Edges {
+                for target in fragment.targets.iter_mut().flatten() {
+                    target.blend = Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+                }
+            }
         }
         if let Some(depth) = &mut descriptor.depth_stencil {
-            depth.depth_write_enabled = Some(true);
+            depth.depth_write_enabled = Some(key.draw != ResolveDraw::Edges);
             depth.depth_compare = Some(CompareFunction::GreaterEqual);
         }
         descriptor
@@ -170,25 +157,46 @@ pub(super) fn specialize_resolve(
         (With<ExtractedCamera>, With<Camera3d>),
     >,
     view_keys: Res<ViewKeyCache>,
+    suns: Query<&ExtractedDirectionalLight>,
+    lamps: Query<(), Or<(With<ExtractedPointLight>, With<ExtractedRectLight>)>>,
     pipeline: Option<Res<ResolvePipeline>>,
     mut specialized: ResMut<SpecializedRenderPipelines<ResolvePipeline>>,
     cache: Res<PipelineCache>,
 ) {
     let Some(pipeline) = pipeline else { return };
+    let (lamps, shadows) = (!lamps.is_empty(), suns.iter().any(|sun| sun.shadow_maps_enabled));
     for (entity, view, fog, settings) in &cameras {
         let Some(&key) = view_keys.get(&view.retained_view_entity) else { continue };
         let topology = MeshPipelineKey::from_primitive_topology_and_strip_index(
             PrimitiveTopology::TriangleList,
             None,
         );
-        let key = ResolveKey {
-            mesh: key | topology,
-            fog: SimpleFog::of(fog),
-            debug_view: debug_view(settings),
+        let mut pipeline_of = |draw| {
+            let (mesh, fog) = (key | topology, SimpleFog::of(fog));
+            let sunlight = Sunlight::of(mesh, lamps, shadows);
+            let debug_view = debug_view(settings);
+            let key = ResolveKey { mesh, fog, debug_view, draw, sunlight };
+            specialized.specialize(&cache, &pipeline, key)
         };
-        let id = specialized.specialize(&cache, &pipeline, key);
-        commands.entity(entity).insert(ViewResolvePipeline(id));
+        let pipelines = if settings.is_some_and(|settings| settings.samples > 1) {
+            ViewResolvePipelines {
+                opaque: pipeline_of(ResolveDraw::Samples),
+                edges: Some(pipeline_of(ResolveDraw::Edges)),
+            }
+        } else {
+            ViewResolvePipelines { opaque: pipeline_of(ResolveDraw::Pixels), edges: None }
+        };
+        commands.entity(entity).insert(pipelines);
     }
+}
+
+/// The draws of a camera.
+#[derive(Component)]
+pub(super) struct ViewResolvePipelines {
+    /// Before the opaque pass.
+    opaque: CachedRenderPipelineId,
+    /// After it.
+    edges: Option<CachedRenderPipelineId>,
 }
 
 fn debug_view(settings: Option<&TreelineSettings>) -> DebugView {
@@ -197,49 +205,26 @@ fn debug_view(settings: Option<&TreelineSettings>) -> DebugView {
 
 /// On cameras that draw trees.
 #[derive(Component)]
-pub(super) struct ResolveGroups {
-    classify: BindGroup,
-    size: BindGroup,
-    resolve: BindGroup,
-}
+pub(super) struct ResolveGroup(BindGroup);
 
 #[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
-pub(super) fn prepare_resolve_groups(
+pub(super) fn prepare_resolve_group(
     mut commands: Commands,
     cameras: Query<(Entity, &ViewTrees, Option<&TreelineSettings>)>,
     views: Res<Views>,
-    classify: Option<Res<ClassifyPipelines>>,
     resolve: Option<Res<ResolvePipeline>>,
     surfels: Res<SurfelPool>,
     instances: Res<InstancePool>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(classify), Some(resolve), Some(surfels), Some(tree_buffer)) =
-        (classify, resolve, &surfels.buffers, &instances.buffer)
+    let (Some(resolve), Some(surfels), Some(tree_buffer)) =
+        (resolve, &surfels.buffers, &instances.buffer)
     else {
         return;
     };
     for (entity, trees, settings) in &cameras {
         let Some(view) = views.get(trees) else { continue };
-        let classify_group = device.create_bind_group(
-            "treeline_classify",
-            &cache.get_bind_group_layout(&classify.layout),
-            &BindGroupEntries::sequential((
-                bound_settings(view),
-                view.visibility.as_entire_binding(),
-                view.blocks.as_entire_binding(),
-                view.counters.as_entire_binding(),
-            )),
-        );
-        let size = device.create_bind_group(
-            "treeline_size_resolve",
-            &cache.get_bind_group_layout(&classify.size_layout),
-            &BindGroupEntries::sequential((
-                view.counters.as_entire_binding(),
-                view.args.as_entire_binding(),
-            )),
-        );
         let drawn = [
             tree_buffer.as_entire_binding(),
             view.items.as_entire_binding(),
@@ -265,88 +250,74 @@ pub(super) fn prepare_resolve_groups(
             &cache.get_bind_group_layout(layout),
             &entries[..],
         );
-        commands.entity(entity).insert(ResolveGroups {
-            classify: classify_group,
-            size,
-            resolve: group,
-        });
+        commands.entity(entity).insert(ResolveGroup(group));
     }
 }
 
-/// Lists the blocks that show points.
-pub(super) fn classify(
-    view: ViewQuery<(&ViewTrees, &ResolveGroups)>,
+/// What drawing the points of a view takes.
+type ResolveView<'a> = (
+    &'a ExtractedCamera,
+    &'a ViewTarget,
+    &'a ViewDepthTexture,
+    &'a MeshViewBindGroup,
+    &'a ViewResolvePipelines,
+    &'a ViewTrees,
+    &'a ResolveGroup,
+);
+
+/// Draws the points of a view into its colour and depth: before the opaque pass.
+pub(super) fn resolve(
+    view: ViewQuery<ResolveView<'static>>,
     views: Res<Views>,
-    pipelines: Res<ClassifyPipelines>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (trees, groups) = view.into_inner();
-    let (Some(classify), Some(size), Some(buffers)) = (
-        cache.get_compute_pipeline(pipelines.classify),
-        cache.get_compute_pipeline(pipelines.size_resolve),
-        views.get(trees),
-    ) else {
-        return;
-    };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let mut pass = ctx.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-        label: Some("treeline_classify"),
-        timestamp_writes: None,
-    });
-    let span = diagnostics.pass_span(&mut pass, "treeline_classify");
-    let blocks = buffers.size.x.div_ceil(RESOLVE_BLOCK) * buffers.size.y.div_ceil(RESOLVE_BLOCK);
-    pass.set_pipeline(classify);
-    pass.set_bind_group(0, &groups.classify, &[]);
-    let (x, y) = grid(blocks.div_ceil(64));
-    debug_assert_eq!(y, 1, "a viewport has fewer than 4 million blocks");
-    pass.dispatch_workgroups(x, y, 1);
-    pass.set_pipeline(size);
-    pass.set_bind_group(0, &groups.size, &[]);
-    pass.dispatch_workgroups(1, 1, 1);
-    span.end(&mut pass);
+    let view = view.into_inner();
+    let pipeline = Some(view.4.opaque);
+    draw(view, pipeline, "treeline_resolve", &views, &cache, &mut ctx);
 }
 
-/// Draws the points of a view into its colour and depth.
-pub(super) fn resolve(
-    view: ViewQuery<(
-        &ExtractedCamera,
-        &ViewTarget,
-        &ViewDepthTexture,
-        &MeshViewBindGroup,
-        &ViewResolvePipeline,
-        &ViewTrees,
-        &ResolveGroups,
-    )>,
+/// Draws pixels that points cover in part, where there are four samples: over what the opaque pass drew.
+pub(super) fn resolve_edges(
+    view: ViewQuery<ResolveView<'static>>,
     views: Res<Views>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (camera, target, depth, mesh_view, pipeline, trees, groups) = view.into_inner();
-    let (Some(pipeline), Some(buffers)) = (cache.get_render_pipeline(pipeline.0), views.get(trees))
+    let view = view.into_inner();
+    let pipeline = view.4.edges;
+    draw(view, pipeline, "treeline_resolve_edges", &views, &cache, &mut ctx);
+}
+
+fn draw(
+    (camera, target, depth, mesh_view, _, trees, ResolveGroup(group)): ResolveView,
+    pipeline: Option<CachedRenderPipelineId>,
+    label: &'static str,
+    views: &Views,
+    cache: &PipelineCache,
+    ctx: &mut RenderContext,
+) {
+    let (Some(pipeline), Some(buffers)) =
+        (pipeline.and_then(|id| cache.get_render_pipeline(id)), views.get(trees))
     else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some("treeline_resolve"),
+        label: Some(label),
         color_attachments: &[Some(target.get_color_attachment())],
         depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),
         ..default()
     });
-    let span = diagnostics.pass_span(&mut pass, "treeline_resolve");
+    let span = diagnostics.pass_span(&mut pass, label);
     if let Some(viewport) = &camera.viewport {
         pass.set_camera_viewport(viewport);
     }
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
     pass.set_bind_group(1, &mesh_view.binding_array, &[]);
-    pass.set_bind_group(2, &groups.resolve, &[]);
-    pass.draw_indirect(
-        &buffers.args,
-        std::mem::offset_of!(crate::gpu::types::GpuIndirectArgs, resolve) as u64,
-    );
+    pass.set_bind_group(2, group, &[]);
+    pass.draw_indirect(&buffers.args, std::mem::offset_of!(GpuIndirectArgs, resolve) as u64);
     span.end(&mut pass);
 }

@@ -13,6 +13,39 @@ pub(in crate::render) struct ResolveKey {
     pub mesh: MeshPipelineKey,
     pub fog: Option<SimpleFog>,
     pub debug_view: DebugView,
+    pub draw: ResolveDraw,
+    pub sunlight: Option<Sunlight>,
+}
+
+/// Light that comes from directional and ambient lights alone: the shader then has no code for others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) struct Sunlight {
+    /// Some of them has shadow maps.
+    pub shadows: bool,
+}
+
+/// What Bevy's key says of light that is neither.
+const OTHER_LIGHT: MeshPipelineKey = MeshPipelineKey::ENVIRONMENT_MAP
+    .union(MeshPipelineKey::IRRADIANCE_VOLUME)
+    .union(MeshPipelineKey::ATMOSPHERE)
+    .union(MeshPipelineKey::CONTACT_SHADOWS);
+
+impl Sunlight {
+    /// `None`: there is other light.
+    pub fn of(mesh: MeshPipelineKey, lamps: bool, shadows: bool) -> Option<Self> {
+        (!lamps && !mesh.intersects(OTHER_LIGHT)).then_some(Self { shadows })
+    }
+}
+
+/// What a draw shows of the visibility buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::render) enum ResolveDraw {
+    /// All of it: a sample is a pixel.
+    Pixels,
+    /// Pixels with four covered samples.
+    Samples,
+    /// Pixels with one to three covered samples, blended.
+    Edges,
 }
 
 /// Fog of a kind that the shader computes itself. Bevy's own function holds every kind, and a software driver pays for
@@ -41,12 +74,21 @@ impl ResolveKey {
     /// What the shader is told.
     pub fn shader_defs(&self) -> Vec<ShaderDefVal> {
         let mut defs = vec![];
+        if self.draw == ResolveDraw::Edges {
+            defs.push("TREELINE_EDGES".into());
+        }
         if let Some(fog) = self.fog {
             defs.extend([
                 "TREELINE_FOG".into(),
                 ShaderDefVal::UInt("TREELINE_FOG_SQUARED".into(), fog.squared.into()),
                 ShaderDefVal::UInt("TREELINE_FOG_GLOW".into(), fog.glows.into()),
             ]);
+        }
+        if let Some(sunlight) = self.sunlight {
+            defs.push("TREELINE_SUNLIGHT".into());
+            if sunlight.shadows {
+                defs.push("TREELINE_SUN_SHADOWS".into());
+            }
         }
         if self.debug_view != DebugView::Off {
             let view = self.debug_view as u32;

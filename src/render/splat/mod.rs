@@ -324,7 +324,8 @@ pub(super) fn splat<const PHASE: u32>(
     if PHASE == 0 {
         pass.set_pipeline(init);
         pass.set_bind_group(1, &groups.init, &[]);
-        pass.dispatch_workgroups(buffers.size.x.div_ceil(64), buffers.size.y, 1);
+        let grid = buffers.size * if buffers.samples > 1 { 2 } else { 1 };
+        pass.dispatch_workgroups(grid.x.div_ceil(64), grid.y, 1);
     }
     pass.set_bind_group(1, &groups.visibility, &[]);
     let of_what = [offset_of!(GpuIndirectArgs, splat), offset_of!(GpuIndirectArgs, groves)];
