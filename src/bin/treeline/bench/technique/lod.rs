@@ -1,6 +1,6 @@
 //! Bevy with `VisibilityRange`, as a user makes it who knows how: three meshes and crossed billboards, with dithered margins.
 
-use super::{CameraVariants, Technique, Work, billboard::Billboard, thin};
+use super::{CameraVariants, Made, Technique, Work, billboard::Billboard, thin};
 use crate::options::ToolResult;
 use bevy::{camera::visibility::VisibilityRange, prelude::*};
 use std::time::Instant;
@@ -18,7 +18,7 @@ struct Lod {
     camera: CameraVariants,
 }
 
-pub fn make(variants: &[&str]) -> Result<Box<dyn Technique>, String> {
+pub fn make(variants: &[&str]) -> Made {
     Ok(Box::new(Lod { camera: CameraVariants::parse(variants)? }))
 }
 

@@ -1,6 +1,6 @@
 //! Bevy's meshlets, the peer that this build never runs: the row says why.
 
-use super::{Technique, Work};
+use super::{Made, Technique, Work};
 use crate::{
     bench::scenes::SceneArg,
     options::{ToolError, ToolResult},
@@ -10,7 +10,7 @@ use bevy::{prelude::*, render::settings::WgpuFeatures};
 /// Without Bevy's feature `meshlet`.
 struct Meshlet;
 
-pub fn make(variants: &[&str]) -> Result<Box<dyn Technique>, String> {
+pub fn make(variants: &[&str]) -> Made {
     match variants.first() {
         Some(variant) => Err(format!("`{variant}` is no variant of it")),
         None => Ok(Box::new(Meshlet)),

@@ -71,8 +71,11 @@ impl Work<'_> {
 struct Entry {
     name: &'static str,
     about: &'static str,
-    make: fn(&[&str]) -> Result<Box<dyn Technique>, String>,
+    make: fn(&[&str]) -> Made,
 }
+
+/// A technique, or which of its variants it does not know.
+type Made = Result<Box<dyn Technique>, String>;
 
 /// All techniques.
 const BUILT_IN: &[Entry] = &[
@@ -102,7 +105,7 @@ const BUILT_IN: &[Entry] = &[
 ///
 /// # Errors
 /// An unknown name or variant; the message lists what is known.
-pub fn by_name(name: &str) -> Result<Box<dyn Technique>, String> {
+pub fn by_name(name: &str) -> Made {
     let mut parts = name.split('+').map(str::trim);
     let base = parts.next().unwrap_or_default();
     let variants: Vec<&str> = parts.collect();

@@ -1,6 +1,6 @@
 //! This crate: forests of points, with meshes near the camera.
 
-use super::{Technique, Work};
+use super::{Made, Technique, Work};
 use crate::{
     bench::{row::Row, scenes::SceneArg},
     options::ToolResult,
@@ -76,7 +76,7 @@ pub fn variants() -> Vec<&'static str> {
     VARIANTS.iter().map(|variant| variant.name).collect()
 }
 
-pub fn make(names: &[&str]) -> Result<Box<dyn Technique>, String> {
+pub fn make(names: &[&str]) -> Made {
     let mut points = Points {
         settings: TreelineSettings::default(),
         near_meshes: true,

@@ -1,6 +1,6 @@
 //! Bevy as it comes: one entity a tree and material, with the full mesh.
 
-use super::{CameraVariants, Technique, Work};
+use super::{CameraVariants, Made, Technique, Work};
 use crate::options::ToolResult;
 use bevy::prelude::*;
 
@@ -8,7 +8,7 @@ struct Stock {
     camera: CameraVariants,
 }
 
-pub fn make(variants: &[&str]) -> Result<Box<dyn Technique>, String> {
+pub fn make(variants: &[&str]) -> Made {
     Ok(Box::new(Stock { camera: CameraVariants::parse(variants)? }))
 }
 
