@@ -21,9 +21,9 @@ pub use asset::{CacheLocation, TreeAsset};
 pub use bake::{BakeSettings, TreeBaker, TreeLoaderSettings};
 pub use diagnostics::TreelineDiagnosticsPlugin;
 pub use forest::{
-    CullingView, DebugView, Forest, LodState, NearMeshes, Occlusion, QualityFactor, SplatPath,
-    SplatShape, TemporalSampling, TreeImpostor, TreeInstance, TreelineSettings, TreelineSystems,
-    UploadBudget,
+    CullingView, DebugView, Forest, GroveSettings, LodState, NearMeshes, Occlusion, QualityFactor,
+    SplatPath, SplatShape, TemporalSampling, TreeImpostor, TreeInstance, TreelineSettings,
+    TreelineSystems, UploadBudget,
 };
 pub use governor::{GovernorBudget, QualityGovernor};
 pub use plugin::TreelinePlugin;

@@ -7,10 +7,10 @@ use bevy::{
     prelude::*,
 };
 use bevy_treeline::{
-    Forest, LodState, NearMeshes, SplatPath, TreeImpostor, TreeInstance, TreelineSettings,
-    ViewCounters,
-    forest::{SpeciesShape, ViewPoint, emit_items, select_instance},
-    gpu::types::GpuInstanceDraw,
+    Forest, GroveSettings, LodState, NearMeshes, Occlusion, SplatPath, TreeImpostor, TreeInstance,
+    TreelineCounters, TreelineSettings, ViewCounters,
+    asset::TreeClusters,
+    forest::{PointDraw, SpeciesShape, ViewPoint, emit_items, select_instance},
     lod::fade::ViewRange,
     math::hash::SplitMix64,
 };
@@ -46,11 +46,11 @@ fn expect(stage: &Stage, camera: Entity, forest: Entity) -> Expected {
     let counters = &mut out.counters;
     let trees = world.get::<Forest>(forest).expect("it is a forest");
     let range = trees.view_range().map_or(ViewRange::default(), |r| ViewRange::new(r.start, r.end));
-    let draws: Vec<GpuInstanceDraw> = trees
+    let draws: Vec<PointDraw> = trees
         .iter()
         .enumerate()
         .map(|(index, tree)| {
-            let nothing = GpuInstanceDraw { count: 0, radius: 0.0 };
+            let nothing = PointDraw::default();
             let data = &*baked(SPECIES[usize::from(tree.species)]).data;
             let shape = SpeciesShape::from(data);
             let center = tree.position + tree.rotation * (shape.center * tree.scale);
@@ -77,7 +77,10 @@ fn expect(stage: &Stage, camera: Entity, forest: Entity) -> Expected {
         })
         .collect();
     let capacity = (settings.point_capacity_millions * 1e6 / 64.0) as usize;
-    let (items, overflow) = emit_items(&draws, |_| 0, capacity);
+    let layouts = SPECIES.map(|name| TreeClusters::of(&baked(name).data));
+    let species: Vec<u16> = trees.iter().map(|tree| tree.species).collect();
+    let tree_of = |i: usize| (&layouts[usize::from(species[i])], 0);
+    let (items, overflow) = emit_items(&draws, tree_of, capacity);
     counters.points = items.iter().map(|item| item.count).sum();
     counters.items = items.len() as u32;
     counters.item_overflow = overflow as u32;
@@ -109,6 +112,11 @@ fn assert_counters(found: ViewCounters, expected: &Expected) {
     assert_near(found.item_overflow, expected.counters.item_overflow, "overflow");
 }
 
+/// Settings with which everything in the frustum is drawn.
+fn unculled() -> TreelineSettings {
+    TreelineSettings { occlusion: Occlusion::Off, ..default() }
+}
+
 /// A stage with a forest, seen from 8 m above the origin towards -z.
 fn planted(
     test: &str,
@@ -116,10 +124,13 @@ fn planted(
     trees: impl Iterator<Item = TreeInstance>,
 ) -> Option<(Stage, Entity, Entity)> {
     let mut stage = Stage::new(test, SplatPath::Auto)?;
+    // Trees are counted one by one, hidden or not.
+    stage.world().insert_resource(GroveSettings { samples_per_tree: 0 });
     let species = SPECIES.map(|name| stage.tree(name, with_mesh));
     let forest = stage.world().spawn(Forest::new(species).with(trees)).id();
     let place = Transform::from_xyz(0.0, 8.0, 0.0).looking_to(Vec3::NEG_Z, Vec3::Y);
     let (camera, _) = stage.view(SIZE, place);
+    stage.world().entity_mut(camera).insert(unculled());
     Some((stage, camera, forest))
 }
 
@@ -205,20 +216,37 @@ fn a_parallel_view_selects_as_on_the_cpu() {
 }
 
 #[test]
-fn what_does_not_fit_is_counted_and_what_fits_is_drawn() {
+fn what_does_not_fit_is_counted_and_then_drawn_with_less_quality() {
     let trees = scattered(3000, 5, 0.3);
     let Some((mut stage, camera, forest)) = planted("what_does_not_fit", false, trees) else {
         return;
     };
-    let settings = TreelineSettings { point_capacity_millions: 0.01, ..default() };
-    stage.world().entity_mut(camera).insert(settings);
-    stage.step(4);
-    let (found, expected) = (stage.counters(camera), expect(&stage, camera, forest));
-    assert_eq!(found.items, 156);
-    assert!(expected.counters.item_overflow > 1000, "{expected:?}");
-    assert_counters(found, &expected);
+    let whole = expect(&stage, camera, forest);
+    let settings = TreelineSettings { point_capacity_millions: 0.1, ..unculled() };
+    stage.world().entity_mut(camera).insert(settings.clone());
+    // Counters come back a frame later: the first say what lacked.
+    let mut overflows = vec![];
+    for _ in 0..40 {
+        stage.step(1);
+        if let Some(found) = stage.world().resource::<TreelineCounters>().of(camera) {
+            overflows.push(found.item_overflow);
+        }
+    }
+    let most = overflows.iter().max().expect("counters came back");
+    assert!(*most > whole.counters.items / 4, "{overflows:?} of {whole:?}");
+    assert_eq!(overflows.last(), Some(&0), "{overflows:?}");
+    let found = stage.counters(camera);
+    assert!(found.items > 1000 && found.items <= 1562, "{found:?}");
+    assert!(found.quality < 0.9 * settings.quality, "{found:?}");
+    // As many as a camera of that quality would draw of every tree: nothing is cut off.
+    stage
+        .world()
+        .entity_mut(camera)
+        .insert(TreelineSettings { quality: found.quality, ..settings });
+    let expected = expect(&stage, camera, forest);
+    assert_near(found.points, expected.counters.points, "points");
     // With room again all are back.
-    stage.world().entity_mut(camera).insert(TreelineSettings::default());
+    stage.world().entity_mut(camera).insert(unculled());
     stage.step(4);
     let (found, expected) = (stage.counters(camera), expect(&stage, camera, forest));
     assert_eq!(found.item_overflow, 0);

@@ -10,14 +10,17 @@
 //! In: up to 256 instances and what is known of their species; out: [`GroveList`]. O(samples · log trees).
 
 use super::{instance::TreeInstance, select::SpeciesShape};
-use crate::gpu::types::{GpuTreeInstance, SELECT_WORKGROUP};
+use crate::{
+    gpu::types::{GpuTreeInstance, SELECT_WORKGROUP},
+    lod::clusters::LIST_POINTS,
+};
 use std::{
     cmp::{Ordering, Reverse},
     collections::BinaryHeap,
 };
 
 /// Samples of a grove for each of its trees, unless asked otherwise.
-pub const SAMPLES_PER_TREE: usize = 8;
+pub const SAMPLES_PER_TREE: usize = 6;
 
 /// Most samples of a grove: lengths are kept in 16 bits.
 pub const MOST_SAMPLES: usize = u16::MAX as usize;
@@ -156,7 +159,9 @@ pub fn grove_list(
     let mut waiting: BinaryHeap<_> = (0..trees.len()).filter_map(|tree| next(tree, 0)).collect();
     let (mut list, mut thresholds) = (vec![], vec![]);
     let most = samples.min(MOST_SAMPLES);
+    // Points are addressed in a tree's first list, which holds the start of its order.
     while list.len() < most
+        && waiting.peek().is_some_and(|Reverse(next)| next.rank < LIST_POINTS[0])
         && let Some(Reverse(Next { threshold, tree, rank })) = waiting.pop()
     {
         list.push(trees[tree].lane << 24 | rank);

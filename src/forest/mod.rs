@@ -19,10 +19,10 @@ pub use grove::{GroveList, MOST_SAMPLES, OCTAVES, SAMPLES_PER_TREE, grove_list, 
 pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};
-pub use select::{Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
+pub use select::{PointDraw, Selection, SpeciesShape, ViewPoint, emit_items, select_instance};
 pub use settings::{
-    CullingView, DebugView, Occlusion, QualityFactor, SplatPath, SplatShape, TemporalSampling,
-    TreelineSettings, UploadBudget,
+    CullingView, DebugView, GroveSettings, Occlusion, QualityFactor, SplatPath, SplatShape,
+    TemporalSampling, TreelineSettings, UploadBudget,
 };
 
 use crate::asset::{NearMesh, TreeAsset};
@@ -50,11 +50,13 @@ impl Plugin for ForestPlugin {
             .init_asset::<NearMesh>()
             .init_resource::<NearMeshes>()
             .init_resource::<UploadBudget>()
+            .init_resource::<GroveSettings>()
             .register_type::<TreeImpostor>()
             .register_type::<LodState>()
             .register_type::<TreelineSettings>()
             .register_type::<QualityFactor>()
             .register_type::<UploadBudget>()
+            .register_type::<GroveSettings>()
             .configure_sets(
                 PostUpdate,
                 (

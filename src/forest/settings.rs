@@ -1,5 +1,6 @@
 //! Settings of a camera and of the plugin.
 
+use super::grove::SAMPLES_PER_TREE;
 use bevy::{prelude::*, render::extract_component::ExtractComponent};
 
 /// Shape of a splat. All have the area that their point stands for.
@@ -216,6 +217,24 @@ impl QualityFactor {
 pub struct UploadBudget {
     /// Bytes a frame (a tree takes 32), `None` for no limit. Default: `None`.
     pub bytes_per_frame: Option<usize>,
+}
+
+/// Groves: far trees in blocks of up to 256 neighbours, each block one ordered list of points. A resource.
+///
+/// They are made in the background, and change no pixel: where a block has none (yet), its trees are looked at one by one,
+/// which costs more the farther they are. Changes count for forests that come or change later.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Default)]
+pub struct GroveSettings {
+    /// Points kept of each tree, on average: a grove serves where its trees get fewer. 4 bytes of GPU memory each. 0: no
+    /// groves. Default: 6.
+    pub samples_per_tree: usize,
+}
+
+impl Default for GroveSettings {
+    fn default() -> Self {
+        Self { samples_per_tree: SAMPLES_PER_TREE }
+    }
 }
 
 #[cfg(test)]

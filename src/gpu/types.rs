@@ -127,7 +127,7 @@ gpu_types! {
         pub instance: u32,
         /// First point in the pool; first sample for a grove.
         pub first_point: u32,
-        /// Points | 1 << 31 for a grove.
+        /// Points, or samples of a grove.
         pub points: u32,
         /// Splat radius in world units; 0 for a grove.
         pub radius: f32,
@@ -140,7 +140,7 @@ gpu_types! {
         pub instance: u32,
         /// First point in the pool; first sample for a grove.
         pub first_point: u32,
-        /// Points, 1 to 64 | 1 << 31 for a grove.
+        /// Points, 1 to 64 | for a grove, its window << 8 | 1 << 31.
         pub count: u32,
         /// Splat radius in world units; 0 for a grove.
         pub radius: f32,

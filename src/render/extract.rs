@@ -5,7 +5,9 @@
 
 use crate::{
     asset::{TreeAsset, TreeData},
-    forest::{Forest, NearMeshes, NearTree, TreeImpostor, TreeInstance, UploadBudget},
+    forest::{
+        Forest, GroveSettings, NearMeshes, NearTree, TreeImpostor, TreeInstance, UploadBudget,
+    },
     gpu::types::GpuTreeInstance,
     lod::fade::ViewRange,
 };
@@ -50,6 +52,7 @@ pub(super) struct ExtractedTrees {
     /// Trees whose near mesh is in the scene, sorted.
     pub near: Vec<NearTree>,
     pub upload_budget: UploadBudget,
+    pub groves: GroveSettings,
     /// How many forests name a species.
     uses: HashMap<AssetId<TreeAsset>, usize>,
     frame: u64,
@@ -152,9 +155,11 @@ pub(super) fn extract_trees(
     assets: Extract<Res<Assets<TreeAsset>>>,
     near: Extract<Res<NearMeshes>>,
     upload_budget: Extract<Res<UploadBudget>>,
+    groves: Extract<Res<GroveSettings>>,
 ) {
     let extracted = &mut *extracted;
     extracted.upload_budget = **upload_budget;
+    extracted.groves = **groves;
     extracted.frame += 1;
     let everyone = RenderLayers::default();
     let (mut seen, mut is_changed) = (0, false);

@@ -106,14 +106,15 @@ impl Fit {
             return;
         }
         self.seen = counters.frame;
-        let wanted = (counters.items + counters.item_overflow) as f32 / capacity as f32;
+        let items = counters.items as f32;
+        let wanted = items + counters.item_overflow as f32;
         let factor = if counters.item_overflow > 0 {
             // A little less than what would fit: items of small trees do not shrink in proportion.
-            self.factor * 0.95 / wanted
-        } else if wanted < 0.9 {
-            (self.factor * (0.95 / wanted.max(0.1)).min(1.1)).min(1.0)
+            self.factor * 0.95 * items / wanted
         } else {
-            self.factor
+            // Up again, slowly, while the first phase, which has most of them, has room.
+            let room = first_phase_items(capacity) as f32;
+            (self.factor * (0.9 * room / wanted.max(1.0)).clamp(1.0, 1.1)).min(1.0)
         };
         if factor != self.factor {
             (self.factor, self.changed) = (factor.max(1e-3), now);

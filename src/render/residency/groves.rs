@@ -6,7 +6,7 @@
 
 use super::{blocks::TileBlocks, surfels::SurfelPool};
 use crate::{
-    forest::{GroveList, SAMPLES_PER_TREE, SpeciesShape, grove_list},
+    forest::{GroveList, SpeciesShape, grove_list},
     gpu::{
         slice_buffer::SliceBuffer,
         types::{GpuTreeInstance, SELECT_WORKGROUP},
@@ -32,6 +32,7 @@ struct Request {
     /// Tells the tile from a later one of the same entity.
     revision: u64,
     instances: Vec<GpuTreeInstance>,
+    samples_per_tree: usize,
     /// End of the tile's view range.
     fade_end: f32,
 }
@@ -70,15 +71,12 @@ impl Groves {
         tile: Entity,
         revision: u64,
         instances: &[GpuTreeInstance],
+        samples_per_tree: usize,
         fade_end: f32,
     ) {
         self.forget(tile);
-        self.requests.push_back(Request {
-            tile,
-            revision,
-            instances: instances.to_vec(),
-            fade_end,
-        });
+        let instances = instances.to_vec();
+        self.requests.push_back(Request { tile, revision, instances, samples_per_tree, fade_end });
     }
 
     /// Nobody wants those of this tile any more.
@@ -94,9 +92,8 @@ impl Groves {
             && let Some(request) = self.requests.pop_front()
         {
             let shapes = shapes.get_or_insert_with(|| Arc::new(surfels.shapes())).clone();
-            let Request { tile, revision, instances, fade_end } = request;
-            let task = AsyncComputeTaskPool::get()
-                .spawn(async move { grow(&instances, &shapes, fade_end) });
+            let (tile, revision) = (request.tile, request.revision);
+            let task = AsyncComputeTaskPool::get().spawn(async move { grow(&request, &shapes) });
             self.tasks.push((tile, revision, task));
         }
         let mut ready = vec![];
@@ -140,18 +137,14 @@ impl Groves {
 }
 
 /// The groves of a tile's blocks. Those that no view would use are empty.
-fn grow(
-    instances: &[GpuTreeInstance],
-    shapes: &[Option<SpeciesShape>],
-    fade_end: f32,
-) -> Vec<GroveList> {
-    let blocks = instances.chunks(SELECT_WORKGROUP as usize);
+fn grow(request: &Request, shapes: &[Option<SpeciesShape>]) -> Vec<GroveList> {
+    let blocks = request.instances.chunks(SELECT_WORKGROUP as usize);
     let list = |block: &[GpuTreeInstance]| {
         let shape = |index: u16| shapes.get(usize::from(index)).copied().flatten();
-        let list = grove_list(block, shape, block.len() * SAMPLES_PER_TREE);
+        let list = grove_list(block, shape, block.len() * request.samples_per_tree);
         // The view scale grows towards the eye: a grove begins where it has fallen to `complete_below`.
         let begin = LEAST_PIXELS_PER_UNIT / list.complete_below.sqrt();
-        if begin < fade_end { list } else { GroveList::default() }
+        if begin < request.fade_end { list } else { GroveList::default() }
     };
     blocks.map(list).collect()
 }

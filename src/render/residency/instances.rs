@@ -282,7 +282,10 @@ impl InstancePool {
             if let Some(tile) = self.pack_tile(forest, first, slots_of(forest), writer) {
                 let packed = &writer.data[writer.data.len() - tile.count as usize..];
                 let fade_end = forest.view_range.end;
-                self.groves.request(entity, forest.packed_revision, packed, fade_end);
+                let (revision, samples) = (forest.packed_revision, trees.groves.samples_per_tree);
+                if samples > 0 {
+                    self.groves.request(entity, revision, packed, samples, fade_end);
+                }
                 self.tiles.insert(entity, tile);
             } else {
                 self.slices.release(first / UNIT, units_of(&entity));

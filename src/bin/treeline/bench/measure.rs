@@ -136,7 +136,7 @@ fn outermost(passes: BTreeMap<String, f64>) -> BTreeMap<String, f64> {
 
 /// The stage of a pass, as the columns call them.
 fn stage(pass: &str) -> &'static str {
-    let stages = ["select", "splat", "pyramid", "classify", "resolve", "temporal"];
+    let stages = ["select", "splat", "pyramid", "classify", "resolve", "accumulate"];
     if let Some(own) = pass.strip_prefix("treeline_") {
         return stages.into_iter().find(|stage| own.contains(stage)).unwrap_or("other");
     }
@@ -160,7 +160,7 @@ pub fn read_passes(app: &App, frames: usize, row: &mut Row) {
             "pyramid" => &mut row.gpu_ms_pyramid,
             "classify" => &mut row.gpu_ms_classify,
             "resolve" => &mut row.gpu_ms_resolve,
-            "temporal" => &mut row.gpu_ms_temporal,
+            "accumulate" => &mut row.gpu_ms_temporal,
             "prepass" => &mut row.gpu_ms_prepass,
             "opaque" => &mut row.gpu_ms_opaque,
             _ => &mut row.gpu_ms_other,
