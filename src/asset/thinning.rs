@@ -29,7 +29,7 @@ const GRID: usize = 256;
 const FEW: usize = 12;
 /// Steps towards a factor. Each octave starts from the factor of the next.
 const STEPS: usize = 3;
-/// Most area of a tree in areas of the grid (real ones have less than 1): bounds the work on files that lie.
+/// Most area of a tree in areas of the grid: bounds the work on files that lie.
 const MOST_AREA: f32 = 64.0;
 /// What a factor may be: a tree whose first point is seen edge on must not grow without bounds.
 const RANGE: (f32, f32) = (0.2, 1.25);
