@@ -230,6 +230,7 @@ pub(super) fn prepare_prepass_groups(
 }
 
 /// Writes the points of a view into its prepass textures.
+#[expect(clippy::type_complexity, reason = "a query is its type")]
 pub(super) fn write_prepass(
     view: ViewQuery<(
         &ExtractedCamera,

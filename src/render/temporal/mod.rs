@@ -38,10 +38,10 @@ pub struct TreelineTaa {
     /// Frames that a pixel averages while nothing moves, 1 to 1000. More is smoother and follows changes of light more
     /// slowly. Default: 32.
     pub frames_at_rest: f32,
-    /// Frames that it averages in motion, 1 to 1000. More is smoother and less sharp. Default: 16.
+    /// Frames that it averages in motion, 1 to 1000. More is smoother and less sharp. Default: 4 (measured).
     pub frames_in_motion: f32,
     /// How far, in standard deviations of the pixels around it, a pixel of the past may differ from their mean, 0.5 to 100.
-    /// Less follows changes of light faster and is noisier. Default: 3.
+    /// Less follows changes of light faster and is noisier. At most 1 in motion. Default: 3.
     pub clip: f32,
     /// Forget the past, as after a cut: set it in the frame that shows the new place. It falls back to false by itself.
     pub reset: bool,
@@ -49,7 +49,7 @@ pub struct TreelineTaa {
 
 impl Default for TreelineTaa {
     fn default() -> Self {
-        Self { frames_at_rest: 32.0, frames_in_motion: 16.0, clip: 3.0, reset: true }
+        Self { frames_at_rest: 32.0, frames_in_motion: 4.0, clip: 3.0, reset: true }
     }
 }
 
