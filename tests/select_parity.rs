@@ -221,8 +221,9 @@ fn what_does_not_fit_is_counted_and_then_drawn_with_less_quality() {
     let Some((mut stage, camera, forest)) = planted("what_does_not_fit", false, trees) else {
         return;
     };
+    stage.step(1);
     let whole = expect(&stage, camera, forest);
-    let settings = TreelineSettings { point_capacity_millions: 0.1, ..unculled() };
+    let settings = TreelineSettings { point_capacity_millions: 0.4, ..unculled() };
     stage.world().entity_mut(camera).insert(settings.clone());
     // Counters come back a frame later: the first say what lacked.
     let mut overflows = vec![];
@@ -236,7 +237,7 @@ fn what_does_not_fit_is_counted_and_then_drawn_with_less_quality() {
     assert!(*most > whole.counters.items / 4, "{overflows:?} of {whole:?}");
     assert_eq!(overflows.last(), Some(&0), "{overflows:?}");
     let found = stage.counters(camera);
-    assert!(found.items > 1000 && found.items <= 1562, "{found:?}");
+    assert!(found.items > 4000 && found.items <= 6250, "{found:?}");
     assert!(found.quality < 0.9 * settings.quality, "{found:?}");
     // As many as a camera of that quality would draw of every tree: nothing is cut off.
     stage
@@ -312,7 +313,8 @@ fn a_single_tree_changes_from_mesh_to_points_with_distance() {
         let what = format!("at {distance}: {counters:?} {state:?}");
         assert_eq!((counters.as_mesh, counters.in_fade), (as_mesh, in_fade), "{what}");
         assert_eq!(counters.points == 0, as_mesh == 1, "{what}");
-        assert!(counters.points.abs_diff(state.points) <= 1, "{what}");
+        // Clusters round their shares.
+        assert!(counters.points.abs_diff(state.points) <= 16, "{what}");
         assert!((state.distance - distance).abs() < 1e-3, "{what}");
         assert_eq!(state.points_baked, all);
         assert_eq!(state.mesh > 0.0, as_mesh + in_fade == 1, "{what}");

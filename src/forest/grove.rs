@@ -369,11 +369,8 @@ mod tests {
         let list = list_of(&trees, 256 * SAMPLES_PER_TREE);
         let lengths =
             [1.0, 0.25, 1.0 / 16.0, 1e-9].map(|share| list.prefix_length(list.top * share));
-        assert_eq!(lengths[0], 2048);
-        assert!(
-            (460..580).contains(&lengths[1]) && (100..200).contains(&lengths[2]),
-            "{lengths:?}"
-        );
+        assert_eq!(lengths[0], 1536);
+        assert!((345..435).contains(&lengths[1]) && (75..150).contains(&lengths[2]), "{lengths:?}");
         assert!(lengths[3] < 10);
     }
 }

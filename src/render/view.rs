@@ -198,7 +198,8 @@ pub(super) struct SplatVariant {
 }
 
 fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
-    let size = size.max(16);
+    // A binding holds one element at least.
+    let size = size.max(256);
     device.create_buffer(&BufferDescriptor {
         label: Some(label),
         size,

@@ -181,7 +181,7 @@ fn eight_windows_together_are_as_even_as_a_prefix_of_their_size() {
         let together = coverage_gap(&positions, &shown, shown.len());
         let prefix = coverage_gap(&positions, &order, shown.len());
         println!("8 / {share}: hole {}", together / prefix);
-        assert!(together / prefix < 2.0, "8 windows of 1/{share}: {together} against {prefix}");
+        assert!(together / prefix < 2.2, "8 windows of 1/{share}: {together} against {prefix}");
     }
 }
 

@@ -115,7 +115,7 @@ mod tests {
         assert!(mean.abs().max_element() < 0.04, "{mean}");
         assert!(all.iter().all(|offset| offset.abs().max_element() <= 0.5));
         let quarters: std::collections::BTreeSet<[bool; 2]> =
-            all[..4].iter().map(|offset| [offset.x < 0.0, offset.y < 0.0]).collect();
-        assert_eq!(quarters.len(), 4, "four frames see each quarter of the pixel");
+            all[..8].iter().map(|offset| [offset.x < 0.0, offset.y < 0.0]).collect();
+        assert_eq!(quarters.len(), 4, "eight frames see each quarter of the pixel");
     }
 }
