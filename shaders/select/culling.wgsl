@@ -220,6 +220,8 @@ fn select_instance(block: InstanceBlock, lane: u32, block_was_hidden: bool) -> D
     var mask = 0u;
     for (var i = 0u; i < list.y; i++) {
         let cluster = clusters[kind.first_cluster + list.x + i];
+        let middle = instance.position + placed * (cluster.lo + 0.5 * cluster.extent);
+        let is_inside = !sphere_outside(middle, 0.5 * length(cluster.extent) * instance.scale + reach);
         let cluster_lo = instance.position + placed * cluster.lo;
         let cluster_edges = mat3x3<f32>(placed[0] * cluster.extent.x, placed[1] * cluster.extent.y, placed[2] * cluster.extent.z);
         let cluster_before = before || was_hidden(cluster_lo, cluster_edges, reach);
@@ -227,8 +229,8 @@ fn select_instance(block: InstanceBlock, lane: u32, block_was_hidden: bool) -> D
         if second {
             hides = cluster_before && is_hidden_now(cluster_lo, cluster_edges, reach);
         }
-        draw.hidden |= select(0u, 1u << i, hides);
-        mask |= select(0u, 1u << i, select(!hides, cluster_before && !hides, second));
+        draw.hidden |= select(0u, 1u << i, hides && is_inside);
+        mask |= select(0u, 1u << i, is_inside && select(!hides, cluster_before && !hides, second));
     }
     draw.mask = mask;
     if mask == 0u {

@@ -3,6 +3,7 @@
 // One workgroup per listed block, one thread per instance, which asks again what `cull_instances` has asked. O(instances in
 // listed blocks + runs). CPU twin: src/forest/select.rs.
 #import bevy_treeline::culling::{Draw, clusters, instances, points_of_cluster, runs_and_items, select_instance, species}
+#import bevy_treeline::hash::mix_bits
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::lod::{level_clusters, window_start}
 #import bevy_treeline::select_bindings::{LISTED, WAS_HIDDEN, WORKGROUP, block_index, instance_blocks, instance_count, item_count, settings, view_blocks}
@@ -70,7 +71,8 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
             break;
         }
         let cluster = clusters[first + i];
-        let start = select(0u, window_start(points, cluster.count, settings.window - 1u), settings.window > 0u);
+        // Each tree at another turn, so that frames do not differ as a whole.
+        let start = select(0u, window_start(points, cluster.count, settings.window + (mix_bits(instance) & 7u)), settings.window > 0u);
         runs[run] = Run(item, instance, cluster.first_point + start, points, draw.radius);
         run += 1u;
         item += item_count(points);

@@ -14,7 +14,7 @@ use bevy::{
 };
 use bevy_treeline::{
     CacheLocation, Forest, NearMeshes, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin,
-    TreelineSettings,
+    TreelineSettings, TreelineTaa,
 };
 use std::{collections::BTreeMap, time::Instant};
 
@@ -43,6 +43,8 @@ struct Points {
     msaa: bool,
     /// Near meshes are shaded once a pixel, however many triangles meet in it.
     deferred: bool,
+    /// `TreelineTaa`.
+    taa: bool,
     /// Instead of `--quality`.
     quality: Option<f32>,
     baked_points: u64,
@@ -67,8 +69,18 @@ const VARIANTS: &[Variant] = &[
     Variant { name: "q2", apply: |points| points.quality = Some(2.0) },
     Variant { name: "q4", apply: |points| points.quality = Some(4.0) },
     Variant { name: "mesh12", apply: |points| points.settings.min_mesh_distance = 12.0 },
-    Variant { name: "deferred", apply: |points| points.deferred = true },
-    Variant { name: "msaa4", apply: |points| points.msaa = true },
+    Variant { name: "mesh20", apply: |points| points.settings.min_mesh_distance = 20.0 },
+    Variant { name: "forward", apply: |points| points.deferred = false },
+    Variant { name: "taa", apply: |points| points.taa = true },
+    Variant { name: "samples4", apply: |points| points.settings.samples = 4 },
+    Variant {
+        name: "msaa4",
+        apply: |points| {
+            points.msaa = true;
+            // Bevy shades nothing once a pixel where a pixel has several samples.
+            points.deferred = false;
+        },
+    },
 ];
 
 /// Their names.
@@ -81,7 +93,8 @@ pub fn make(names: &[&str]) -> Made {
         settings: TreelineSettings::default(),
         near_meshes: true,
         msaa: false,
-        deferred: false,
+        deferred: true,
+        taa: false,
         quality: None,
         baked_points: 0,
         surfel_bytes: 0,
@@ -155,11 +168,17 @@ impl Technique for Points {
         if self.deferred {
             camera.remove::<NormalPrepass>().insert(DeferredPrepass);
         }
+        if self.taa {
+            camera.insert(TreelineTaa::default());
+        }
     }
 
     fn is_settled(&self, app: &App, camera: Entity) -> bool {
         let counters = app.world().resource::<TreelineCounters>().of(camera);
-        counters.is_some_and(|c| c.waiting_forests == 0 && c.pending_groves == 0)
+        // A history is full when it holds as many frames as it averages.
+        let history = if self.taa { TreelineTaa::default().frames_at_rest as u64 } else { 0 };
+        counters
+            .is_some_and(|c| c.waiting_forests == 0 && c.pending_groves == 0 && c.frame > history)
     }
 
     fn read(&self, app: &App, camera: Entity, row: &mut Row) {
