@@ -19,11 +19,11 @@ fn compute_pipelines(path: SplatPath) -> usize {
     11 + splat_pipelines(path)
 }
 
-/// Those that splat trees and groves. Parallel views have their own.
+/// Those that splat trees (in the first phase, in the second) and groves. Parallel views have their own.
 fn splat_pipelines(path: SplatPath) -> usize {
     match path {
-        SplatPath::U32 => 4,
-        _ => 2,
+        SplatPath::U32 => 6,
+        _ => 3,
     }
 }
 

@@ -115,7 +115,7 @@ struct SelectSettings {
     previous_valid: u32,
     pyramid_previous: u32,
     pyramid_current: u32,
-    first_item: u32,
+    pad: u32,
     first_grove_run: u32,
     window: u32,
     samples_per_side: u32,
@@ -138,6 +138,8 @@ struct Counters {
     phase_runs: atomic<u32>,
     phase_grove_items: atomic<u32>,
     phase_grove_runs: atomic<u32>,
+    first_item: atomic<u32>,
+    first_grove_item: atomic<u32>,
     second_points: atomic<u32>,
 }
 

@@ -41,7 +41,8 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         let skipped = (place - run.first_item) * POINTS_PER_ITEM;
         let count = min(run.points - skipped, POINTS_PER_ITEM);
         let first = run.first_point + skipped;
-        let index = settings.first_item + select(place, settings.item_capacity - 1u - place, of_grove);
+        let grove_index = settings.item_capacity - 1u - atomicLoad(&counters.first_grove_item) - place;
+        let index = select(atomicLoad(&counters.first_item) + place, grove_index, of_grove);
         if of_grove {
             items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | (settings.window << 8u) | OF_GROVE, 0.0);
             splat_items[index].first_point = first;

@@ -52,9 +52,16 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
     if lane != WORKGROUP - 1u {
         return;
     }
-    // Groves fill the list from its end.
-    let fitting = min(first.y, settings.item_capacity);
-    let fitting_groves = min(first.w, settings.item_capacity - fitting);
+    // Groves fill the list of items from its end; the second phase goes on where the first has stopped, on both sides.
+    var taken = vec2(0u);
+    if settings.phase == 1u {
+        taken = vec2(atomicLoad(&counters.phase_items), atomicLoad(&counters.phase_grove_items));
+    }
+    atomicStore(&counters.first_item, taken.x);
+    atomicStore(&counters.first_grove_item, taken.y);
+    let room = settings.item_capacity - taken.x - taken.y;
+    let fitting = min(first.y, room);
+    let fitting_groves = min(first.w, room - fitting);
     atomicStore(&counters.phase_items, fitting);
     // Every run has an item, so runs that do not fit have none that does.
     atomicStore(&counters.phase_runs, min(first.x, settings.item_capacity));

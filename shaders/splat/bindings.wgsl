@@ -10,7 +10,6 @@
 @group(0) @binding(2) var<storage, read> species: array<Species>;
 @group(0) @binding(3) var<storage, read> instances: array<TreeInstance>;
 @group(0) @binding(4) var<storage, read> instance_blocks: array<InstanceBlock>;
-// Of this phase, from its first on.
 @group(0) @binding(5) var<storage, read> splat_items: array<SplatItem>;
 @group(0) @binding(6) var<storage, read> surfels_hot: array<SurfelHot>;
 // Samples of groves: rank of the point | place of the tree in its block << 24.

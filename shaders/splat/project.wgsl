@@ -3,14 +3,14 @@
 //
 // Defs, since a software driver runs both sides of every branch: SPLAT_DISCS, SPLAT_SQUARES or SPLAT_MIXED (cells, but discs
 // for trees peeled from other directions) instead of cells alone; SPLAT_PARALLEL for parallel views; SPLAT_GROVES for
-// samples of groves.
+// samples of groves; SPLAT_SECOND for trees in the second phase.
 #define_import_path bevy_treeline::project
 
 #ifdef SPLAT_GROVES
 #import bevy_treeline::grove::grove_item
 #endif
 #import bevy_treeline::lod::{PI, overlap}
-#import bevy_treeline::splat_bindings::{grid_size, settings, splat_items, surfels_hot, view}
+#import bevy_treeline::splat_bindings::{counters, grid_size, settings, splat_items, surfels_hot, view}
 #import bevy_treeline::splat_item::{AS_DISCS, COUNT}
 #import bevy_treeline::surfel::{surfel_face_direction, surfel_is_one_sided, surfel_thickness}
 #import bevy_treeline::types::SplatItem
@@ -48,7 +48,7 @@ fn linear_form(slope: vec2<f32>, origin: f32, at: vec2<f32>) -> vec3<f32> {
 #ifdef SPLAT_GROVES
 // Items of groves lie at the end of the list, the first one last.
 fn item_place(place: u32) -> u32 {
-    return settings.item_capacity - 1u - place;
+    return settings.item_capacity - 1u - atomicLoad(&counters.first_grove_item) - place;
 }
 
 fn project(place: u32, lane: u32) -> Splat {
@@ -59,11 +59,16 @@ fn project(place: u32, lane: u32) -> Splat {
 }
 #else
 fn item_place(place: u32) -> u32 {
+#ifdef SPLAT_SECOND
+    return atomicLoad(&counters.first_item) + place;
+#else
+    // Known from the number of the workgroup alone: a software driver then reads the item once for all of it.
     return place;
+#endif
 }
 
 fn project(place: u32, lane: u32) -> Splat {
-    let item = splat_items[place];
+    let item = splat_items[item_place(place)];
     var splat = project_point(item, item.first_point + min(lane, (item.count_flags & COUNT) - 1u));
     splat.visible = splat.visible && lane < (item.count_flags & COUNT);
     return splat;

@@ -3,7 +3,7 @@
 // Of several at the same depth the largest payload wins, as with one 64-bit maximum, so both paths give one picture.
 // A point exactly as deep as a prepass mesh replaces it only here; the 64-bit path does the same (payload 0 loses).
 #import bevy_treeline::project::{covers, item_place, project}
-#import bevy_treeline::splat_bindings::{grid_size, payload_of, phase_items, settings}
+#import bevy_treeline::splat_bindings::{grid_size, payload_of, phase_items}
 
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u32>>;
 
@@ -22,7 +22,7 @@ fn splat_payload(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
             }
             let i = 2u * (u32(y) * grid_size().x + u32(x));
             if splat.depth == atomicLoad(&visibility[i + 1u]) {
-                atomicMax(&visibility[i], payload_of(settings.first_item + item_place(place), lane));
+                atomicMax(&visibility[i], payload_of(item_place(place), lane));
             }
         }
     }

@@ -2,7 +2,7 @@
 //
 // One workgroup per work item, one thread per point.
 #import bevy_treeline::project::{covers, item_place, project}
-#import bevy_treeline::splat_bindings::{grid_size, payload_of, phase_items, settings}
+#import bevy_treeline::splat_bindings::{grid_size, payload_of, phase_items}
 
 @group(1) @binding(0) var<storage, read_write> visibility: array<atomic<u64>>;
 
@@ -14,7 +14,7 @@ fn splat_u64(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     if place >= phase_items() || !splat.visible {
         return;
     }
-    let value = (u64(splat.depth) << 32u) | u64(payload_of(settings.first_item + item_place(place), lane));
+    let value = (u64(splat.depth) << 32u) | u64(payload_of(item_place(place), lane));
     for (var y = splat.begin.y; y < splat.end.y; y++) {
         for (var x = splat.begin.x; x < splat.end.x; x++) {
             if !covers(splat, vec2(x, y)) {

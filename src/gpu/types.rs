@@ -178,7 +178,7 @@ gpu_types! {
         pub origin: [u32; 2],
         /// Blocks of instances that the view selects from.
         pub block_count: u32,
-        /// Work items of the phase that fit, and runs.
+        /// Work items of both phases that fit, and runs of each.
         pub item_capacity: u32,
         /// `Z0`: pixels per world unit at distance 1 (naga_oil mangles names that end in a digit).
         pub pixels_per_unit: f32,
@@ -216,8 +216,8 @@ gpu_types! {
         pub pyramid_previous: u32,
         /// Place of the first texel of this frame's.
         pub pyramid_current: u32,
-        /// Place of the phase's first work item in the list of both.
-        pub first_item: u32,
+        /// Zero.
+        pub pad: u32,
         /// Place of the first run of a grove in the list of runs.
         pub first_grove_run: u32,
         /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.
@@ -261,6 +261,10 @@ gpu_types! {
         pub phase_grove_items: u32,
         /// Its runs of groves.
         pub phase_grove_runs: u32,
+        /// Place of its first work item in the list of both phases.
+        pub first_item: u32,
+        /// Place of its first work item of groves, counted from the end of the list.
+        pub first_grove_item: u32,
         /// Points of the second phase.
         pub second_points: u32,
     }

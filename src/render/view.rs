@@ -73,12 +73,6 @@ pub(super) struct ViewBuffers {
     window_turn: u32,
 }
 
-/// Of the work items that fit, those of the first phase; a multiple of 16, so that their bytes are one of 256, as
-/// bindings have to begin.
-fn first_phase_items(item_capacity: u32) -> u32 {
-    (item_capacity - item_capacity / 4).next_multiple_of(16)
-}
-
 /// Bytes from the settings of one phase to those of the next: the largest alignment that devices ask for.
 pub(super) const PHASE_STRIDE: u32 = 512;
 const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
@@ -112,9 +106,8 @@ impl Fit {
             // A little less than what would fit: items of small trees do not shrink in proportion.
             self.factor * 0.95 * items / wanted
         } else {
-            // Up again, slowly, while the first phase, which has most of them, has room.
-            let room = first_phase_items(capacity) as f32;
-            (self.factor * (0.9 * room / wanted.max(1.0)).clamp(1.0, 1.1)).min(1.0)
+            // Up again, slowly, while there is room.
+            (self.factor * (0.9 * capacity as f32 / wanted.max(1.0)).clamp(1.0, 1.1)).min(1.0)
         };
         if factor != self.factor {
             (self.factor, self.changed) = (factor.max(1e-3), now);
@@ -126,11 +119,6 @@ impl Fit {
 const TOO_MANY_BLOCKS: &str = "blocks";
 
 impl ViewBuffers {
-    /// Place of the second phase's first work item.
-    pub fn first_phase_items(&self) -> u32 {
-        first_phase_items(self.item_capacity)
-    }
-
     /// Makes these the blocks that the view selects from. At most `most` fit.
     fn select_from(
         &mut self,
@@ -299,8 +287,7 @@ pub(super) fn prepare_views(
         let key = view.retained_view_entity;
         let most = (binding_limit / size_of::<GpuSplatItem>() as u64).min((1 << 26) - 1) as u32;
         let wanted = (settings.point_capacity_millions * 1e6 / POINTS_PER_ITEM as f32) as u32;
-        // Of 64 at least, so that both phases have some.
-        let item_capacity = wanted.clamp(64, most);
+        let item_capacity = wanted.clamp(1, most);
         let buffers = views.all.entry(key).or_insert_with(|| {
             let [visibility, blocks, pyramid] = pixel_buffers(&device, size, settings.samples);
             let [items, splat_items] = item_buffers(&device, item_capacity);
@@ -451,19 +438,12 @@ pub(super) fn prepare_views(
             previous_valid: u32::from(previous.is_some()),
             pyramid_previous: (1 - buffers.pyramid_half) * texels,
             pyramid_current: buffers.pyramid_half * texels,
-            first_item: 0,
+            pad: 0,
             first_grove_run: item_capacity,
             window: buffers.next_window(settings.temporal, jitter.is_some()),
             samples_per_side: if settings.samples > 1 { 2 } else { 1 },
         };
-        let first_items = if occlusion > 0 { buffers.first_phase_items() } else { item_capacity };
-        let first_phase = GpuSelectSettings { item_capacity: first_items, ..first_phase };
-        let second_phase = GpuSelectSettings {
-            phase: 1,
-            first_item: buffers.first_phase_items(),
-            item_capacity: item_capacity - buffers.first_phase_items(),
-            ..first_phase
-        };
+        let second_phase = GpuSelectSettings { phase: 1, ..first_phase };
         for (phase, settings) in [first_phase, second_phase].iter().enumerate() {
             let at = phase as u64 * u64::from(PHASE_STRIDE);
             queue.write_buffer(&buffers.settings, at, bytemuck::bytes_of(settings));

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     forest::{SplatPath, SplatShape},
-    gpu::types::{GpuCounters, GpuIndirectArgs, GpuSplatItem},
+    gpu::types::{GpuCounters, GpuIndirectArgs},
     shaders,
 };
 use bevy::{
@@ -93,8 +93,18 @@ pub(super) struct SplatKey {
     /// Index of the entry point.
     entry: usize,
     variant: SplatVariant,
-    /// Samples of groves instead of points of trees.
-    groves: bool,
+    drawn: Drawn,
+}
+
+/// What a splat pipeline draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Drawn {
+    /// Points of trees in the first phase, whose items begin the list.
+    Trees,
+    /// Those of the second.
+    SecondTrees,
+    /// Samples of groves, in both.
+    Groves,
 }
 
 impl SpecializedComputePipeline for SplatPipelines {
@@ -111,7 +121,8 @@ impl SpecializedComputePipeline for SplatPipelines {
         for (is_on, def) in [
             (key.variant.mixed, "SPLAT_MIXED"),
             (key.variant.parallel, "SPLAT_PARALLEL"),
-            (key.groves, "SPLAT_GROVES"),
+            (key.drawn == Drawn::SecondTrees, "SPLAT_SECOND"),
+            (key.drawn == Drawn::Groves, "SPLAT_GROVES"),
         ] {
             if is_on {
                 shader_defs.push(def.into());
@@ -128,9 +139,9 @@ impl SpecializedComputePipeline for SplatPipelines {
     }
 }
 
-/// The splat pipelines of a camera, in the order in which they run: of trees and of groves in turn.
+/// The splat pipelines of a camera by phase, in the order in which they run: of trees and of groves in turn.
 #[derive(Component)]
-pub(super) struct ViewSplatPipelines(Vec<CachedComputePipelineId>);
+pub(super) struct ViewSplatPipelines([Vec<CachedComputePipelineId>; 2]);
 
 pub(super) fn specialize_splat(
     mut commands: Commands,
@@ -141,10 +152,13 @@ pub(super) fn specialize_splat(
 ) {
     let Some(pipelines) = pipelines else { return };
     for (entity, trees) in &cameras {
-        let keys = (0..pipelines.entries.len()).flat_map(|entry| {
-            [false, true].map(|groves| SplatKey { entry, variant: trees.splat, groves })
+        let ids = [Drawn::Trees, Drawn::SecondTrees].map(|of_phase| {
+            let keys = (0..pipelines.entries.len()).flat_map(|entry| {
+                let variant = trees.splat;
+                [of_phase, Drawn::Groves].map(|drawn| SplatKey { entry, variant, drawn })
+            });
+            keys.map(|key| specialized.specialize(&cache, &pipelines, key)).collect()
         });
-        let ids = keys.map(|key| specialized.specialize(&cache, &pipelines, key)).collect();
         commands.entity(entity).insert(ViewSplatPipelines(ids));
     }
 }
@@ -228,8 +242,7 @@ pub(super) fn init_splat_pipelines(
 /// On cameras that draw trees.
 #[derive(Component)]
 pub(super) struct SplatGroups {
-    /// Of each phase.
-    main: [BindGroup; 2],
+    main: BindGroup,
     visibility: BindGroup,
     init: BindGroup,
 }
@@ -253,28 +266,21 @@ pub(super) fn prepare_splat_groups(
     };
     for (entity, trees, prepass) in &cameras {
         let Some(view) = views.get(trees) else { continue };
-        let main = [0, view.first_phase_items()].map(|first_item| {
-            let items = BufferBinding {
-                buffer: &view.splat_items,
-                offset: u64::from(first_item) * size_of::<GpuSplatItem>() as u64,
-                size: None,
-            };
-            device.create_bind_group(
-                "treeline_splat",
-                &cache.get_bind_group_layout(&pipelines.layout),
-                &BindGroupEntries::sequential((
-                    uniforms.clone(),
-                    bound_settings(view),
-                    surfels.species.as_entire_binding(),
-                    tree_buffer.as_entire_binding(),
-                    instances.blocks.buffer().as_entire_binding(),
-                    BindingResource::Buffer(items),
-                    surfels.hot.as_entire_binding(),
-                    instances.samples().as_entire_binding(),
-                    view.counters.as_entire_binding(),
-                )),
-            )
-        });
+        let main = device.create_bind_group(
+            "treeline_splat",
+            &cache.get_bind_group_layout(&pipelines.layout),
+            &BindGroupEntries::sequential((
+                uniforms.clone(),
+                bound_settings(view),
+                surfels.species.as_entire_binding(),
+                tree_buffer.as_entire_binding(),
+                instances.blocks.buffer().as_entire_binding(),
+                view.splat_items.as_entire_binding(),
+                surfels.hot.as_entire_binding(),
+                instances.samples().as_entire_binding(),
+                view.counters.as_entire_binding(),
+            )),
+        );
         let visibility = device.create_bind_group(
             "treeline_visibility",
             &cache.get_bind_group_layout(&pipelines.visibility_layout),
@@ -310,8 +316,10 @@ pub(super) fn splat<const PHASE: u32>(
     if PHASE == 1 && !buffers.two_phases {
         return;
     }
-    let passes: Option<Vec<_>> =
-        splat_pipelines.0.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
+    let passes: Option<Vec<_>> = splat_pipelines.0[PHASE as usize]
+        .iter()
+        .map(|id| cache.get_compute_pipeline(*id))
+        .collect();
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let label = if PHASE == 0 { "treeline_splat" } else { "treeline_splat_second" };
@@ -319,8 +327,7 @@ pub(super) fn splat<const PHASE: u32>(
     let mut pass = encoder
         .begin_compute_pass(&ComputePassDescriptor { label: Some(label), timestamp_writes: None });
     let span = diagnostics.pass_span(&mut pass, label);
-    let group = &groups.main[PHASE as usize];
-    pass.set_bind_group(0, group, &[view_offset.offset, PHASE * PHASE_STRIDE]);
+    pass.set_bind_group(0, &groups.main, &[view_offset.offset, PHASE * PHASE_STRIDE]);
     if PHASE == 0 {
         pass.set_pipeline(init);
         pass.set_bind_group(1, &groups.init, &[]);
