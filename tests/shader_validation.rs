@@ -49,6 +49,13 @@ const OF_MODULES: &[(&str, &[Def])] = &[(
 /// with none of its own.
 #[rustfmt::skip] // one row a line
 const DEF_SETS: &[(&str, &[&[Def]])] = &[
+    ("select/cull_blocks.wgsl", PHASES),
+    ("select/cull_instances.wgsl", PHASES),
+    ("select/emit_runs.wgsl", PHASES),
+    ("splat/splat_u64.wgsl", SPLATS),
+    ("splat/splat_depth.wgsl", SPLATS),
+    ("splat/splat_payload.wgsl", SPLATS),
+    ("resolve/resolve.wgsl", SUNLIGHTS),
     ("resolve/resolve.wgsl", VIEWS),
     ("resolve/resolve.wgsl", FOGS),
     ("resolve/resolve.wgsl", DEBUG_VIEWS),
@@ -59,6 +66,31 @@ const DEF_SETS: &[(&str, &[&[Def]])] = &[
     ("landscape/ground.wgsl", VIEWS),
     ("landscape/sky.wgsl", VIEWS),
     ("landscape/ground_prepass.wgsl", PREPASSES),
+];
+
+/// The phases of selection.
+const PHASES: &[&[Def]] = &[&[], &[on("SELECT_SECOND")]];
+
+/// What splat pipelines draw, and how.
+const SPLATS: &[&[Def]] = &[
+    &[],
+    &[on("SPLAT_SECOND"), on("SPLAT_PARALLEL")],
+    &[on("SPLAT_GROVES")],
+    &[on("SPLAT_DISCS")],
+    &[on("SPLAT_SQUARES"), on("SPLAT_GROVES")],
+    &[on("SPLAT_MIXED"), on("SPLAT_SECOND")],
+];
+
+/// Light without lamps.
+const SUNLIGHTS: &[&[Def]] = &[
+    &[on("VIEW_PROJECTION_PERSPECTIVE"), on("TREELINE_SUNLIGHT")],
+    &[
+        on("MULTISAMPLED"),
+        on("VIEW_PROJECTION_PERSPECTIVE"),
+        on("SHADOW_FILTER_METHOD_GAUSSIAN"),
+        on("TREELINE_SUNLIGHT"),
+        on("TREELINE_SUN_SHADOWS"),
+    ],
 ];
 
 /// Def sets of Bevy's prepasses (`PrepassPipeline::specialize`).

@@ -55,6 +55,13 @@ fn disc_radius(area: f32, n: f32) -> f32 {
     return sqrt(area / max(n, 1e-6) / PI);
 }
 
+// The view scale `k`: `quality` times the pixels of a world unit, squared, at distance `d`. Twin of `view_scale` in
+// src/forest/grove.rs.
+fn view_scale(quality: f32, pixels_per_unit: f32, d: f32) -> f32 {
+    let pixels = pixels_per_unit / max(d, 1e-6);
+    return quality * pixels * pixels;
+}
+
 // Factors of 1, 2, 4 … points, column by column.
 fn area_factor(factors: mat4x4<f32>, n: f32) -> f32 {
     var table = factors;

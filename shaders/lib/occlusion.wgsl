@@ -1,4 +1,4 @@
-// Boxes against a depth pyramid. CPU twin: src/math/occlusion.rs, statement for statement.
+// Boxes against a depth pyramid. CPU twin: src/math/occlusion.rs.
 #define_import_path bevy_treeline::occlusion
 
 const PYRAMID_LEVELS: u32 = 4u;
@@ -48,21 +48,14 @@ fn pyramid_size(size: vec2<u32>, level: u32) -> vec2<u32> {
 
 // Place of a level's first texel.
 fn pyramid_offset(size: vec2<u32>, level: u32) -> u32 {
-    var offset = 0u;
-    for (var i = 0u; i < level; i++) {
-        let texels = pyramid_size(size, i);
-        offset += texels.x * texels.y;
-    }
-    return offset;
+    // Without a loop: a software driver runs it for the thread that needs it longest.
+    let first = pyramid_size(size, 0u);
+    let second = pyramid_size(size, 1u);
+    let third = pyramid_size(size, 2u);
+    return select(0u, first.x * first.y, level > 0u) + select(0u, second.x * second.y, level > 1u) + select(0u, third.x * third.y, level > 2u);
 }
 
 // The finest level where `span` pixels meet at most five texels.
 fn pyramid_level(span: f32) -> u32 {
-    var level = 0u;
-    for (var i = 0u; i + 1u < PYRAMID_LEVELS; i++) {
-        if span > f32(4u * pyramid_side(i)) {
-            level = i + 1u;
-        }
-    }
-    return level;
+    return select(0u, 1u, span > 32.0) + select(0u, 1u, span > 128.0) + select(0u, 1u, span > 512.0);
 }

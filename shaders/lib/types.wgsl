@@ -26,6 +26,7 @@ struct Species {
     level_count: u32,
     pad: vec2<u32>,
     area_factors: mat4x4<f32>,
+    light_factors: mat4x4<f32>,
 }
 
 struct Cluster {

@@ -27,9 +27,9 @@ fn heat(value: f32) -> vec3<f32> {
 
 fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species, cold: SurfelCold, normal: vec3<f32>, world_position: vec3<f32>) -> vec3<f32> {
     let orthographic = settings.orthographic != 0u;
-    // The area that a point stands for, world units². Items of groves hold many trees, and no radius.
+    // The area that a point stands for, world units². Items of groves hold many trees.
     var area = PI * item.radius * item.radius;
-    if item.radius == 0.0 {
+    if (item.count & 0x80000000u) != 0u {
         let d = select(distance(world_position, view.world_position), 1.0, orthographic);
         let n = prefix_count(f32(tree.point_count), tree.pixel * instance.scale, settings.pixels_per_unit, d, settings.quality);
         area = tree.surface_area * instance.scale * instance.scale / n;

@@ -13,7 +13,7 @@
 #import bevy_treeline::sunlight::sunlight
 #endif
 #import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::lod::grove_point
+#import bevy_treeline::lod::{PI, grove_point}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
@@ -63,6 +63,25 @@ fn apply_fog(color: vec3<f32>, world_position: vec4<f32>, frag_coord: vec2<f32>)
 }
 #endif
 
+// Points that are drawn of a tree, nearly: by what each stands for, or in a grove by the view scale of its block.
+fn points_drawn(item: WorkItem, instance: TreeInstance, kind_index: u32) -> f32 {
+    let n0 = f32(species[kind_index].point_count);
+    let s = species[kind_index].pixel * instance.scale;
+    let of_grove = n0 * s * s * item.radius;
+    let of_tree = species[kind_index].surface_area * instance.scale * instance.scale / (PI * item.radius * item.radius);
+    return clamp(select(of_tree, of_grove, (item.count & OF_GROVE) != 0u), 1.0, n0);
+}
+
+// Twin of `area_factor`, on the other table. Reads two numbers of it.
+fn light_of_few(kind_index: u32, n: f32) -> f32 {
+    let octave = clamp(log2(n), 0.0, 15.0);
+    let below = min(u32(octave), 14u);
+    let above = below + 1u;
+    let low = species[kind_index].light_factors[below >> 2u][below & 3u];
+    let high = species[kind_index].light_factors[above >> 2u][above & 3u];
+    return low + (high - low) * (octave - f32(below));
+}
+
 // Colour of what a sample holds (payload, depth bits; a payload of 0 may not come here). `center`: of the sample, in pixels
 // of the viewport; `frag_coord`: of the pixel, in the target.
 fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32> {
@@ -76,6 +95,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         point = kind.first_point + grove_point(sample & 0xffffffu, (item.count >> 8u) & 0xffu, kind.point_count);
     }
     let instance = instances[instance_index];
+    let kind_index = species_of(instance);
     let cold = surfels_cold[point];
     let rotation = rotation_of(instance);
     let depth = bitcast<f32>(texel.y);
@@ -88,6 +108,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
         // the crossfade.
         albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
+        albedo *= light_of_few(kind_index, points_drawn(item, instance, kind_index));
     }
 
     var pbr = pbr_input_new();
@@ -124,7 +145,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
 #endif
 #ifdef TREELINE_DEBUG_VIEW
     let shading_normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-    return vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, species[species_of(instance)], cold, shading_normal, pbr.world_position.xyz), 1.0);
+    return vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, species[kind_index], cold, shading_normal, pbr.world_position.xyz), 1.0);
 #else
     return pbr_functions::main_pass_post_lighting_processing(pbr, color);
 #endif

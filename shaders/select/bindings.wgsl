@@ -17,6 +17,13 @@
 const WORKGROUP: u32 = #{SELECT_WORKGROUP}u;
 const POINTS_PER_ITEM: u32 = #{POINTS_PER_ITEM}u;
 
+// The phase. A software driver runs both sides of every branch, so each has pipelines of its own.
+#ifdef SELECT_SECOND
+const SECOND: bool = true;
+#else
+const SECOND: bool = false;
+#endif
+
 // Bits of ViewBlock.state. Of this phase: look at its trees one by one; draw it as a grove, whose samples stand above
 // bit 8. From the first phase: nothing of it was drawn; some of its trees were not drawn.
 const LISTED: u32 = 1u;

@@ -2,8 +2,9 @@
 //
 // One thread per block of the view. In: blocks, view, pyramids. Out: `state`, and the runs and items of groves.
 // O(blocks in sight).
-#import bevy_treeline::culling::{edges_of, is_hidden_now, outside_frustum, view_scale, was_hidden}
-#import bevy_treeline::select_bindings::{GROVE, HAS_HIDDEN, LISTED, WAS_HIDDEN, counters, instance_blocks, item_count, resident_count, settings, view, view_blocks}
+#import bevy_treeline::culling::{edges_of, is_hidden_now, outside_frustum, was_hidden}
+#import bevy_treeline::lod::view_scale
+#import bevy_treeline::select_bindings::{GROVE, HAS_HIDDEN, LISTED, SECOND, WAS_HIDDEN, counters, instance_blocks, item_count, resident_count, settings, view, view_blocks}
 #import bevy_treeline::types::InstanceBlock
 
 // Length of the prefix that a view at `k` may draw of a grove. Twin of `GroveList::prefix_length`.
@@ -31,9 +32,8 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let before = view_blocks[id.x].state;
-    let second = settings.phase == 1u;
     var state = before & (WAS_HIDDEN | HAS_HIDDEN);
-    if !second {
+    if !SECOND {
         state = 0u;
     }
     view_blocks[id.x].runs = 0u;
@@ -41,7 +41,7 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let block = instance_blocks[view_blocks[id.x].block];
     let half = 0.5 * block.extent;
     let center = block.lo + half;
-    if second {
+    if SECOND {
         // Drawn already, and all of it.
         if (before & (WAS_HIDDEN | HAS_HIDDEN)) == 0u {
             view_blocks[id.x].state = 0u;
@@ -67,10 +67,10 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
     let nearest = select(distance(clamp(eye, block.lo, block.lo + block.extent), eye), 1.0, settings.orthographic != 0u);
-    let k = view_scale(nearest);
+    let k = view_scale(settings.quality, settings.pixels_per_unit, nearest);
     if k < block.complete_below {
         let samples = prefix_length(block, k);
-        atomicAdd(&counters.instances_seen, select(0u, resident_count(block), !second));
+        atomicAdd(&counters.instances_seen, select(0u, resident_count(block), !SECOND));
         atomicAdd(&counters.groves, 1u);
         if samples > 0u {
             view_blocks[id.x].runs = 1u;

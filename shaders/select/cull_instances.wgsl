@@ -4,7 +4,7 @@
 // and `items` of each block. O(instances in listed blocks). CPU twin: src/forest/select.rs.
 #import bevy_treeline::culling::{ABSENT, DRAWN, MESH, OCCLUDED, OUTSIDE, SMALL, instances, runs_and_items, select_instance}
 #import bevy_treeline::instance::species_of
-#import bevy_treeline::select_bindings::{HAS_HIDDEN, LISTED, WAS_HIDDEN, block_index, counters, instance_blocks, instance_count, settings, view_blocks}
+#import bevy_treeline::select_bindings::{HAS_HIDDEN, LISTED, SECOND, WAS_HIDDEN, block_index, counters, instance_blocks, instance_count, settings, view_blocks}
 
 var<workgroup> group_runs: atomic<u32>;
 var<workgroup> group_items: atomic<u32>;
@@ -25,7 +25,6 @@ fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     }
     workgroupBarrier();
     let place = block_index(group, groups);
-    let second = settings.phase == 1u;
     var index = 0u;
     var is_listed = place < settings.block_count;
     if is_listed {
@@ -57,20 +56,20 @@ fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     }
     view_blocks[index].runs = atomicLoad(&group_runs);
     view_blocks[index].items = atomicLoad(&group_items);
-    atomicAdd(&counters.culled_occluded, select(0u, atomicLoad(&verdicts[OCCLUDED]), second));
+    atomicAdd(&counters.culled_occluded, select(0u, atomicLoad(&verdicts[OCCLUDED]), SECOND));
     let state = view_blocks[index].state;
-    if second && (state & WAS_HIDDEN) == 0u {
+    if SECOND && (state & WAS_HIDDEN) == 0u {
         // The first phase has counted the others.
         return;
     }
     let absent = atomicLoad(&verdicts[ABSENT]);
     let all = instance_count(instance_blocks[view_blocks[index].block]) - absent;
-    atomicAdd(&counters.instances_seen, select(all, 0u, second));
+    atomicAdd(&counters.instances_seen, select(all, 0u, SECOND));
     atomicAdd(&counters.culled_frustum, atomicLoad(&verdicts[OUTSIDE]));
     atomicAdd(&counters.culled_small, atomicLoad(&verdicts[SMALL]));
     atomicAdd(&counters.as_mesh, atomicLoad(&verdicts[MESH]));
     atomicAdd(&counters.in_fade, atomicLoad(&verdicts[7]));
-    if !second && atomicLoad(&group_hidden) != 0u {
+    if !SECOND && atomicLoad(&group_hidden) != 0u {
         view_blocks[index].state = state | HAS_HIDDEN;
     }
 }

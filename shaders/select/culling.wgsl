@@ -10,7 +10,7 @@
 #import bevy_treeline::instance::{NOT_RESIDENT, matrix_of, rotation_of, species_of}
 #import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points}
 #import bevy_treeline::occlusion::{ScreenBox, pyramid_level, pyramid_offset, pyramid_side, pyramid_size, screen_box}
-#import bevy_treeline::select_bindings::{instance_blocks, item_count, settings, view}
+#import bevy_treeline::select_bindings::{SECOND, instance_blocks, item_count, settings, view}
 #import bevy_treeline::selection::wanted_points
 #import bevy_treeline::types::{Cluster, InstanceBlock, Species, TreeInstance}
 
@@ -143,12 +143,6 @@ fn edges_of(extent: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(vec3(extent.x, 0.0, 0.0), vec3(0.0, extent.y, 0.0), vec3(0.0, 0.0, extent.z));
 }
 
-// `k` of groves at distance `d`. Twin of `view_scale`.
-fn view_scale(d: f32) -> f32 {
-    let pixels = settings.pixels_per_unit / max(d, 1e-6);
-    return settings.quality * pixels * pixels;
-}
-
 // An orthographic view has the same scale everywhere: distance 1, where Z0 holds.
 fn distance_to(center: vec3<f32>) -> f32 {
     let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
@@ -200,16 +194,19 @@ fn select_instance(block: InstanceBlock, lane: u32, block_was_hidden: bool) -> D
     let reach = REACH * draw.radius;
     let lo = instance.position + placed * kind.lo;
     let edges = mat3x3<f32>(placed[0] * kind.extent.x, placed[1] * kind.extent.y, placed[2] * kind.extent.z);
-    let second = settings.phase == 1u;
     let before = block_was_hidden || was_hidden(lo, edges, reach);
-    if before && (!second || is_hidden_now(lo, edges, reach)) {
+    var is_occluded = before;
+    if SECOND {
+        is_occluded = before && is_hidden_now(lo, edges, reach);
+    }
+    if is_occluded {
         draw.verdict = OCCLUDED;
         draw.hidden = draw.mask;
         draw.mask = 0u;
         return draw;
     }
     if draw.level == 0u {
-        if second && !before {
+        if SECOND && !before {
             draw.verdict = OTHER_PHASE;
             draw.mask = 0u;
         }
@@ -226,11 +223,11 @@ fn select_instance(block: InstanceBlock, lane: u32, block_was_hidden: bool) -> D
         let cluster_edges = mat3x3<f32>(placed[0] * cluster.extent.x, placed[1] * cluster.extent.y, placed[2] * cluster.extent.z);
         let cluster_before = before || was_hidden(cluster_lo, cluster_edges, reach);
         var hides = cluster_before;
-        if second {
+        if SECOND {
             hides = cluster_before && is_hidden_now(cluster_lo, cluster_edges, reach);
         }
         draw.hidden |= select(0u, 1u << i, hides && is_inside);
-        mask |= select(0u, 1u << i, is_inside && select(!hides, cluster_before && !hides, second));
+        mask |= select(0u, 1u << i, is_inside && select(!hides, cluster_before && !hides, SECOND));
     }
     draw.mask = mask;
     if mask == 0u {

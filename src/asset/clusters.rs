@@ -77,7 +77,10 @@ fn split(positions: &[Vec3], points: &mut [u32], parts: u32, out: &mut dyn FnMut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{asset::synthetic::synthetic_tree, lod::clusters::FIRST_CLUSTER};
+    use crate::{
+        asset::synthetic::synthetic_tree,
+        lod::clusters::{FIRST_CLUSTER, cluster_points, level_of},
+    };
 
     #[test]
     fn every_level_holds_the_start_of_the_order_once() {
@@ -101,6 +104,41 @@ mod tests {
                 let sizes = clusters.iter().map(|cluster| cluster.count);
                 assert!(sizes.clone().max() <= sizes.min().map(|n| n + 1), "equal shares");
             }
+        }
+    }
+
+    /// Lines of 64 bytes that `bytes` at these places of a list touch.
+    fn lines(places: impl Iterator<Item = u32>, bytes: u32) -> usize {
+        places.map(|place| place * bytes / 64).collect::<std::collections::BTreeSet<_>>().len()
+    }
+
+    #[test]
+    fn a_draw_reads_few_cache_lines_and_what_is_seen_of_it_too() {
+        let tree = synthetic_tree(40_000, 3);
+        let layout = TreeClusters::of(&tree);
+        for count in [100, 256, 1000, 2048, 10_000, 40_000] {
+            let level = level_of(count, layout.level_count);
+            let first = FIRST_CLUSTER[level as usize] as usize;
+            let clusters = &layout.clusters[first..][..CLUSTERS[level as usize] as usize];
+            let all = list_points(level, layout.level_count, 40_000);
+            let places: Vec<u32> = clusters
+                .iter()
+                .flat_map(|c| c.first..c.first + cluster_points(count, c.count, all))
+                .collect();
+            // Hot halves: what a draw reads at least, and two lines more for each cluster.
+            let read = lines(places.iter().copied(), 8);
+            assert!(read <= places.len() * 8 / 64 + 2 * clusters.len(), "{read} for {count}");
+            // Cold halves of what 1 m³ of the crown shows: of the list in progressive order each point has a line of its
+            // own, until the draw is most of the tree.
+            let middle = tree.bounds.center();
+            let seen = |point: u32| {
+                let p = tree.surfel(point as usize).expect("it is a point").position;
+                (p - middle).abs().max_element() < 0.5
+            };
+            let here = places.iter().copied().filter(|p| seen(layout.points[*p as usize]));
+            let (clustered, flat) = (lines(here, 8), lines((0..count).filter(|p| seen(*p)), 8));
+            println!("{count} points: {read} lines read, {clustered} of {flat} where 1 m³ is seen");
+            assert!(clustered <= flat + 2, "{clustered} of {flat} for {count}");
         }
     }
 

@@ -103,13 +103,14 @@ pub fn decode(file: &[u8]) -> Result<TreeData, FormatError> {
         surface_area: head.surface_area,
         mean_leaf_area: head.mean_leaf_area,
         area_factors: [1.0; AREA_OCTAVES],
+        light_factors: [1.0; AREA_OCTAVES],
         hot,
         cold,
         source: stat.source.into_owned(),
         statistics: stat.statistics.into_owned(),
     };
     tree.validate()?;
-    Ok(tree.with_area_factors())
+    Ok(tree.with_factors())
 }
 
 /// Refuses required sections that this program does not know, and known ones that are stored in a newer way.

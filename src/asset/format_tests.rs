@@ -379,7 +379,7 @@ proptest! {
         tree.statistics.backend = text;
         tree.statistics.layers = layers;
         [tree.statistics.seed, tree.statistics.left_over, tree.statistics.triangles] = counts;
-        let tree = tree.with_area_factors();
+        let tree = tree.with_factors();
         let file = encode(&tree);
         prop_assert_eq!(&encode(&decode(&file).expect("just written")), &file);
         prop_assert_eq!(decode(&file), Ok(tree));

@@ -50,6 +50,7 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
         surface_area: 123.4,
         mean_leaf_area: 0.015,
         area_factors: [1.0; AREA_OCTAVES],
+        light_factors: [1.0; AREA_OCTAVES],
         hot,
         cold,
         source: Some(SourceReference { path: "trees/oak.glb".into(), content_hash: [7; 32] }),
@@ -66,7 +67,7 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
             warnings: vec!["material `bark` is blended: read as a mask".into()],
         },
     };
-    tree.with_area_factors()
+    tree.with_factors()
 }
 
 /// A point of the unit ball.

@@ -1,18 +1,25 @@
-//! How much a tree of few points has to shrink them, so that it covers what it should.
+//! How much a tree of few points has to shrink them, so that it covers what it should, and to lighten them, so that it is
+//! as bright.
 //!
 //! The area rule gives all points together the area of the tree, whatever their number. But a crown hides most of itself,
 //! and a few large splats hide less of each other than many small ones, and reach beyond its outline: a tree of eight
 //! points would cover half as much again. So the splats of each number of points get a factor on their area, with which
 //! they cover what the tree covers (stochastic simplification, Cook et al. 2007, with coverage measured instead of assumed).
 //!
-//! In: points in progressive order; out: a factor for 1, 2, 4 … points. By drawing prefixes from some directions on a coarse grid,
+//! What they show is not the same either: the first points of the order lie anywhere in the crown, and the dark ones of its
+//! inside are seen as often as the others. So their colour gets a factor, with which the mean of what is seen stays.
+//!
+//! In: points in progressive order; out: two factors for 1, 2, 4 … points. By drawing prefixes from some directions on a coarse grid,
 //! when a tree is baked or read. O(points).
 
 use super::{
-    surfel::{SURFEL_TWO_SIDED, Surfel},
+    surfel::{SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, light_factor},
     tree_data::TreeData,
 };
-use crate::lod::splat_size::{AREA_OCTAVES, OVERLAP_GAIN, disc_radius, leaf_overlap, overlap};
+use crate::{
+    lod::splat_size::{AREA_OCTAVES, OVERLAP_GAIN, disc_radius, leaf_overlap, overlap},
+    math::quantize::srgb8_to_linear,
+};
 use bevy::math::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -34,10 +41,21 @@ const MOST_AREA: f32 = 64.0;
 /// What a factor may be: a tree whose first point is seen edge on must not grow without bounds.
 const RANGE: (f32, f32) = (0.2, 1.25);
 
-/// The factors on the area of splats of a tree of 1, 2, 4 … points, for [`area_factor`](crate::lod::splat_size::area_factor). All
-/// 1 for a tree without area, or of more than could be.
-pub fn area_factors(tree: &TreeData) -> [f32; AREA_OCTAVES] {
-    let mut factors = [1.0; AREA_OCTAVES];
+/// What a light factor may be.
+const LIGHT_RANGE: (f32, f32) = (0.5, 2.0);
+
+/// Factors for 1, 2, 4 … points, for [`area_factor`](crate::lod::splat_size::area_factor).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thinning {
+    /// On the area of splats.
+    pub area: [f32; AREA_OCTAVES],
+    /// On their colour.
+    pub light: [f32; AREA_OCTAVES],
+}
+
+/// The factors of a tree. All 1 for a tree without area, or of more than could be.
+pub fn thinning(tree: &TreeData) -> Thinning {
+    let mut factors = Thinning { area: [1.0; AREA_OCTAVES], light: [1.0; AREA_OCTAVES] };
     let side = 4.0 * tree.bounds.radius();
     if !(tree.surface_area <= MOST_AREA * side * side) {
         return factors;
@@ -45,11 +63,12 @@ pub fn area_factors(tree: &TreeData) -> [f32; AREA_OCTAVES] {
     let points: Vec<Surfel> =
         (0..tree.point_count()).filter_map(|index| tree.surfel(index)).collect();
     // All points without overlap are the surface as it was sampled.
-    let mut whole = covered(tree, &points, DIRECTIONS_OF_MANY, None);
+    let whole_seen = seen(tree, &points, DIRECTIONS_OF_MANY, None);
+    let (mut whole, mut bright) = (whole_seen.covered, whole_seen.brightness());
     if !(whole > 0.0) {
         return factors;
     }
-    let (mut factor, mut directions) = (1.0, DIRECTIONS_OF_MANY);
+    let (mut factor, mut light, mut directions) = (1.0, 1.0, DIRECTIONS_OF_MANY);
     for octave in (0..AREA_OCTAVES).rev() {
         let count = 1 << octave;
         let Some(prefix) = points.get(..count) else { continue };
@@ -58,44 +77,88 @@ pub fn area_factors(tree: &TreeData) -> [f32; AREA_OCTAVES] {
             // From here on seen from all sides, and held against what twice as many points cover there, which is cheaper
             // than all of them.
             directions = DIRECTIONS;
-            whole = match points.get(..2 * count) {
-                Some(twice) => covered(tree, twice, directions, Some(factor)),
-                None => covered(tree, &points, directions, None),
+            let held_against = match points.get(..2 * count) {
+                Some(twice) => seen(tree, twice, directions, Some(factor)),
+                None => seen(tree, &points, directions, None),
             };
+            (whole, bright) = (held_against.covered, held_against.brightness() * light);
         }
         for _ in 0..steps {
-            let found = covered(tree, prefix, directions, Some(factor));
-            factor = (factor * whole / found.max(whole * 0.1)).clamp(RANGE.0, RANGE.1);
+            let found = seen(tree, prefix, directions, Some(factor));
+            factor = (factor * whole / found.covered.max(whole * 0.1)).clamp(RANGE.0, RANGE.1);
+            light = (bright / found.brightness().max(1e-6)).clamp(LIGHT_RANGE.0, LIGHT_RANGE.1);
         }
-        factors[octave] = factor;
+        (factors.area[octave], factors.light[octave]) = (factor, light);
     }
     // A tree of fewer points has no octaves beyond them: its last factor holds.
     let known = (points.len().ilog2() as usize).min(AREA_OCTAVES - 1);
-    let last = factors[known];
-    factors[known..].fill(last);
+    for factors in [&mut factors.area, &mut factors.light] {
+        let last = factors[known];
+        factors[known..].fill(last);
+    }
     factors
 }
 
-/// Samples that the splats of `points` cover, over some directions. Their area is that of the area rule times a factor, with
-/// overlap; or without both.
-fn covered(tree: &TreeData, points: &[Surfel], directions: usize, factor: Option<f32>) -> f32 {
+/// What is seen of a tree.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    /// Samples that its splats cover.
+    covered: f32,
+    /// Sum of the luminance of what they show, unlit but for the tree's own shade.
+    light: f32,
+}
+
+impl Seen {
+    fn brightness(&self) -> f32 {
+        self.light / self.covered.max(1.0)
+    }
+}
+
+/// Luminance (Rec. 709) of a point's colour, with the shade of its tree: as resolve takes them.
+fn luminance(point: &Surfel) -> f32 {
+    let [r, g, b] = point.albedo.map(srgb8_to_linear);
+    let is_lit = point.flags & SURFEL_UNLIT == 0;
+    let shade = light_factor(f32::from(point.ambient_visibility) / 255.0);
+    (0.2126 * r + 0.7152 * g + 0.0722 * b) * if is_lit { shade } else { 1.0 }
+}
+
+/// What the splats of `points` show, over some directions. Their area is that of the area rule times a factor, with overlap;
+/// or without both.
+fn seen(tree: &TreeData, points: &[Surfel], directions: usize, factor: Option<f32>) -> Seen {
     let area = tree.surface_area * factor.unwrap_or(1.0);
     let radius = disc_radius(area, points.len() as f32);
     if !(radius > 0.0 && radius.is_finite()) {
-        return 0.0;
+        return Seen::default();
     }
     let gain = factor.map(|_| OVERLAP_GAIN);
     let from_direction = |direction: usize| {
         let mut grid = Grid::new(tree, direction);
         points.iter().for_each(|point| grid.draw(tree, point, radius, gain));
-        grid.samples.iter().filter(|covered| **covered).count()
+        let covered = grid.samples.iter().filter(|sample| sample.depth > f32::NEG_INFINITY);
+        covered.fold(Seen::default(), |seen, sample| Seen {
+            covered: seen.covered + 1.0,
+            light: seen.light + sample.luminance,
+        })
     };
-    (0..directions).into_par_iter().map(from_direction).sum::<usize>() as f32
+    // In the order of directions: sums of floats depend on it.
+    let all: Vec<Seen> = (0..directions).into_par_iter().map(from_direction).collect();
+    all.iter().fold(Seen::default(), |sum, seen| Seen {
+        covered: sum.covered + seen.covered,
+        light: sum.light + seen.light,
+    })
+}
+
+/// The nearest point of a sample of the grid.
+#[derive(Clone, Copy)]
+struct Sample {
+    /// Towards the eye; minus infinity for none.
+    depth: f32,
+    luminance: f32,
 }
 
 /// What is covered, seen from one direction in parallel projection.
 struct Grid {
-    samples: Vec<bool>,
+    samples: Vec<Sample>,
     /// Rows: right, up, and towards the eye.
     view_from_model: Mat3,
     center: Vec3,
@@ -107,7 +170,7 @@ impl Grid {
         let azimuth = direction as f32 * AZIMUTH_STEP;
         let elevation = ELEVATIONS[direction % ELEVATIONS.len()];
         Self {
-            samples: vec![false; GRID * GRID],
+            samples: vec![Sample { depth: f32::NEG_INFINITY, luminance: 0.0 }; GRID * GRID],
             view_from_model: Mat3::from_rotation_x(elevation) * Mat3::from_rotation_y(azimuth),
             center: tree.bounds.center(),
             samples_per_unit: GRID as f32 / (4.0 * tree.bounds.radius().max(f32::MIN_POSITIVE)),
@@ -147,11 +210,13 @@ impl Grid {
         let on_grid = |v: Vec3| (self.view_from_model * v).truncate() * self.samples_per_unit;
         let center = on_grid(point.position - self.center) + GRID as f32 * 0.5;
         let (right, up) = (on_grid(right), on_grid(up));
-        self.fill(center, right, up, is_cell);
+        let depth = (self.view_from_model * point.position).z;
+        let sample = Sample { depth, luminance: luminance(point) };
+        self.fill(center, right, up, is_cell, sample);
     }
 
-    /// Marks the samples in a parallelogram, or in the ellipse within it.
-    fn fill(&mut self, center: Vec2, right: Vec2, up: Vec2, is_cell: bool) {
+    /// Puts a point into the samples in a parallelogram, or in the ellipse within it, if it is the nearest there.
+    fn fill(&mut self, center: Vec2, right: Vec2, up: Vec2, is_cell: bool, point: Sample) {
         let determinant = right.perp_dot(up);
         if determinant.abs() < 1e-9 {
             return;
@@ -165,7 +230,10 @@ impl Grid {
                 let d = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - center;
                 let place = Vec2::new(d.perp_dot(up), right.perp_dot(d)) / determinant;
                 let size = if is_cell { place.abs().max_element() } else { place.length() };
-                self.samples[y * GRID + x] |= size <= 1.0;
+                let sample = &mut self.samples[y * GRID + x];
+                if size <= 1.0 && point.depth > sample.depth {
+                    *sample = point;
+                }
             }
         }
     }
@@ -180,16 +248,16 @@ mod tests {
     fn few_points_of_a_crown_that_hides_itself_shrink() {
         let mut tree = synthetic_tree(20_000, 3);
         tree.surface_area = 400.0;
-        let factors = area_factors(&tree);
+        let factors = thinning(&tree).area;
         assert!((0.2..0.8).contains(&factors[2]), "{factors:?}");
         assert!(factors[2] < factors[6] && factors[6] < factors[11], "{factors:?}");
         assert!((0.7..1.1).contains(&factors[11]) && factors[14] == factors[15], "{factors:?}");
         // With them every prefix covers what all points cover.
         let points: Vec<Surfel> = (0..20_000).filter_map(|i| tree.surfel(i)).collect();
-        let whole = covered(&tree, &points, DIRECTIONS, None);
+        let whole = seen(&tree, &points, DIRECTIONS, None).covered;
         for octave in 2..AREA_OCTAVES - 1 {
             let prefix = &points[..1 << octave];
-            let found = covered(&tree, prefix, DIRECTIONS, Some(factors[octave]));
+            let found = seen(&tree, prefix, DIRECTIONS, Some(factors[octave])).covered;
             assert!((found / whole - 1.0).abs() < 0.06, "{} at {octave}", found / whole);
         }
     }
@@ -198,8 +266,26 @@ mod tests {
     fn a_tree_without_area_is_left_as_it_is() {
         let mut tree = synthetic_tree(100, 3);
         tree.surface_area = 0.0;
-        assert_eq!(area_factors(&tree), [1.0; AREA_OCTAVES]);
-        let single = area_factors(&synthetic_tree(1, 3));
-        assert!(single.iter().all(|f| (RANGE.0..=RANGE.1).contains(f)));
+        let ones = [1.0; AREA_OCTAVES];
+        assert_eq!(thinning(&tree), Thinning { area: ones, light: ones });
+        let single = thinning(&synthetic_tree(1, 3));
+        assert!(single.area.iter().all(|f| (RANGE.0..=RANGE.1).contains(f)));
+        assert!(single.light.iter().all(|f| (LIGHT_RANGE.0..=LIGHT_RANGE.1).contains(f)));
+    }
+
+    #[test]
+    fn few_points_of_a_crown_that_is_dark_inside_are_as_bright_as_the_whole() {
+        let mut tree = synthetic_tree(20_000, 3);
+        tree.surface_area = 400.0;
+        let (middle, radius) = (tree.bounds.center(), tree.bounds.extent() * 0.5);
+        for i in 0..tree.point_count() {
+            let mut point = tree.surfel(i).expect("it is a point");
+            let inside = ((point.position - middle) / radius).length() < 0.8;
+            point.ambient_visibility = if inside { 0 } else { 255 };
+            (tree.hot[i], tree.cold[i]) = point.pack(&tree.bounds);
+        }
+        let factors = thinning(&tree).light;
+        assert!(factors[3] > 1.15 && factors[3] > factors[10], "{factors:?}");
+        assert!((0.9..1.15).contains(&factors[13]), "{factors:?}");
     }
 }

@@ -1,6 +1,7 @@
 //! The baked tree as plain data: what a bake hands over, a `.treeline` file holds and a renderer uploads.
 
 use super::surfel::{Surfel, SurfelCold, SurfelHot};
+use super::thinning::{Thinning, thinning};
 use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
 use serde::{Deserialize, Serialize};
 
@@ -87,8 +88,10 @@ pub struct TreeData {
     /// Mean area of a leaf in square model units: `L` of the area rule; 0 if there are no leaves.
     pub mean_leaf_area: f32,
     /// Factor on `A` for 1, 2, 4 … points, with which so few cover what the tree covers. Follows from the points: files do not
-    /// keep it, and [`TreeData::with_area_factors`] finds it.
+    /// keep it, and [`TreeData::with_factors`] finds it.
     pub area_factors: [f32; AREA_OCTAVES],
+    /// Factor on the colour for 1, 2, 4 … points, with which so few are as bright as the tree. Found with the area factors.
+    pub light_factors: [f32; AREA_OCTAVES],
     /// Half of the points read by the splat pass, in progressive order: every prefix is a level of detail.
     pub hot: Vec<SurfelHot>,
     /// The other half, read by the resolve pass: same length, same order.
@@ -117,9 +120,10 @@ impl TreeData {
         self.hot.len()
     }
 
-    /// This tree with its [`TreeData::area_factors`]. O(points).
-    pub fn with_area_factors(self) -> Self {
-        Self { area_factors: super::thinning::area_factors(&self), ..self }
+    /// This tree with its [`TreeData::area_factors`] and [`TreeData::light_factors`]. O(points).
+    pub fn with_factors(self) -> Self {
+        let Thinning { area, light } = thinning(&self);
+        Self { area_factors: area, light_factors: light, ..self }
     }
 
     /// `N0 s² / A`: the mean share of its area that a point shows to its peeling direction; 0 if it was peeled from more

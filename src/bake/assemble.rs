@@ -266,6 +266,7 @@ fn bake(
         surface_area,
         mean_leaf_area: model.mean_leaf_area(),
         area_factors: [1.0; AREA_OCTAVES],
+        light_factors: [1.0; AREA_OCTAVES],
         hot,
         cold,
         source: None,
@@ -285,5 +286,5 @@ fn bake(
             warnings,
         },
     };
-    Ok(tree.with_area_factors())
+    Ok(tree.with_factors())
 }

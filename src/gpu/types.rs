@@ -46,6 +46,8 @@ gpu_types! {
         pub pad: [u32; 2],
         /// Factor on `A` for 1, 2, 4 … points.
         pub area_factors: [[f32; 4]; 4],
+        /// Factor on the colour for 1, 2, 4 … points.
+        pub light_factors: [[f32; 4]; 4],
     }
 
     /// Neighbouring points of a species: a list of its own in the surfel pool.
@@ -142,7 +144,7 @@ gpu_types! {
         pub first_point: u32,
         /// Points, 1 to 64 | for a grove, its window << 8 | 1 << 31.
         pub count: u32,
-        /// Splat radius in world units; 0 for a grove.
+        /// Splat radius in world units; for a grove, the view scale of the nearest corner of its block.
         pub radius: f32,
     }
 

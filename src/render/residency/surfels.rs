@@ -117,6 +117,7 @@ fn gpu_species(
         level_count,
         pad: [0; 2],
         area_factors: bytemuck::cast(tree.area_factors),
+        light_factors: bytemuck::cast(tree.light_factors),
     }
 }
 

@@ -57,7 +57,8 @@ pub(super) struct SelectPipelines {
     scan: BindGroupLayoutDescriptor,
     runs: BindGroupLayoutDescriptor,
     expand: BindGroupLayoutDescriptor,
-    passes: [CachedComputePipelineId; 6],
+    /// Of each phase.
+    passes: [[CachedComputePipelineId; 6]; 2],
 }
 
 /// Constants that WGSL gets from Rust.
@@ -66,6 +67,15 @@ pub(super) fn constants() -> Vec<ShaderDefVal> {
         ShaderDefVal::UInt("SELECT_WORKGROUP".into(), SELECT_WORKGROUP),
         ShaderDefVal::UInt("POINTS_PER_ITEM".into(), POINTS_PER_ITEM),
     ]
+}
+
+/// The same for a phase.
+fn phase_constants(phase: u32) -> Vec<ShaderDefVal> {
+    let mut defs = constants();
+    if phase == 1 {
+        defs.push("SELECT_SECOND".into());
+    }
+    defs
 }
 
 /// Bytes of the settings of a phase.
@@ -126,7 +136,7 @@ pub(super) fn init_select_pipelines(
         "treeline_expand",
         &BindGroupLayoutEntries::sequential(stage, (read(), read(), read(), write(), write())),
     );
-    let passes = PASSES.map(|(entry, path, bindings)| {
+    let pipeline = |(entry, path, bindings): (&'static str, &'static str, Bindings), phase| {
         let layout = match bindings {
             Bindings::Cull => vec![common.clone(), cull.clone()],
             Bindings::Scan => vec![common.clone(), scan.clone()],
@@ -137,11 +147,12 @@ pub(super) fn init_select_pipelines(
             label: Some(format!("treeline_{entry}").into()),
             layout,
             shader: asset_server.load(path),
-            shader_defs: constants(),
+            shader_defs: phase_constants(phase),
             entry_point: Some(entry.into()),
             ..default()
         })
-    });
+    };
+    let passes = [0, 1].map(|phase| PASSES.map(|pass| pipeline(pass, phase)));
     commands.insert_resource(SelectPipelines { common, cull, scan, runs, expand, passes });
 }
 
@@ -242,8 +253,8 @@ pub(super) fn select<const PHASE: u32>(
     mut ctx: RenderContext,
 ) {
     let (trees, groups, view_offset) = view.into_inner();
-    let passes: Option<Vec<_>> =
-        pipelines.passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
+    let passes = &pipelines.passes[PHASE as usize];
+    let passes: Option<Vec<_>> = passes.iter().map(|id| cache.get_compute_pipeline(*id)).collect();
     let (Some(passes), Some(buffers)) = (passes, views.get(trees)) else { return };
     if PHASE == 1 && !buffers.two_phases {
         return;
