@@ -8,7 +8,6 @@
 #import bevy_treeline::surfel::{surfel_albedo, surfel_ambient_visibility}
 #import bevy_treeline::types::{SelectSettings, Species, SurfelCold, TreeInstance, WorkItem}
 
-@group(2) @binding(8) var<uniform> settings: SelectSettings;
 
 // forest::DebugView.
 const POINTS_AND_TRIANGLES: u32 = 1u;
@@ -25,7 +24,7 @@ fn heat(value: f32) -> vec3<f32> {
     return clamp(vec3(t - 2.0, min(t, 4.0 - t), 2.0 - t), vec3(0.0), vec3(1.0));
 }
 
-fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species, cold: SurfelCold, normal: vec3<f32>, world_position: vec3<f32>) -> vec3<f32> {
+fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species, settings: SelectSettings, cold: SurfelCold, normal: vec3<f32>, world_position: vec3<f32>) -> vec3<f32> {
     let orthographic = settings.orthographic != 0u;
     // The area that a point stands for, world units². Items of groves hold many trees.
     var area = PI * item.radius * item.radius;

@@ -13,9 +13,9 @@
 #import bevy_treeline::sunlight::sunlight
 #endif
 #import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::lod::{PI, grove_point}
+#import bevy_treeline::lod::{grove_point, prefix_count}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
-#import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
+#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
 @group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
 @group(2) @binding(1) var<storage, read> items: array<WorkItem>;
@@ -27,6 +27,7 @@
 @group(2) @binding(6) var<storage, read> species: array<Species>;
 // Samples of groves: rank of the point | place of the tree in its block << 24.
 @group(2) @binding(7) var<storage, read> samples: array<u32>;
+@group(2) @binding(8) var<uniform> settings: SelectSettings;
 
 // Bit of WorkItem.count: samples of a grove instead of points of a tree; its window stands above bit 8.
 const OF_GROVE: u32 = 0x80000000u;
@@ -63,18 +64,18 @@ fn apply_fog(color: vec3<f32>, world_position: vec4<f32>, frag_coord: vec2<f32>)
 }
 #endif
 
-// Points that are drawn of a tree, nearly: by what each stands for, or in a grove by the view scale of its block.
-fn points_drawn(item: WorkItem, instance: TreeInstance, kind_index: u32) -> f32 {
-    let n0 = f32(species[kind_index].point_count);
+// Points that a tree deserves: as selection says, so that it is the same in a grove.
+fn points_deserved(instance: TreeInstance, rotation: vec4<f32>, kind_index: u32) -> f32 {
+    let center = instance.position + rotate(rotation, species[kind_index].center * instance.scale);
+    let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
+    let d = select(distance(center, eye), 1.0, settings.orthographic != 0u);
     let s = species[kind_index].pixel * instance.scale;
-    let of_grove = n0 * s * s * item.radius;
-    let of_tree = species[kind_index].surface_area * instance.scale * instance.scale / (PI * item.radius * item.radius);
-    return clamp(select(of_tree, of_grove, (item.count & OF_GROVE) != 0u), 1.0, n0);
+    return prefix_count(f32(species[kind_index].point_count), s, settings.pixels_per_unit, d, settings.quality);
 }
 
 // Twin of `area_factor`, on the other table. Reads two numbers of it.
 fn light_of_few(kind_index: u32, n: f32) -> f32 {
-    let octave = clamp(log2(n), 0.0, 15.0);
+    let octave = clamp(log2(max(n, 1.0)), 0.0, 15.0);
     let below = min(u32(octave), 14u);
     let above = below + 1u;
     let low = species[kind_index].light_factors[below >> 2u][below & 3u];
@@ -108,7 +109,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
         // the crossfade.
         albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
-        albedo *= light_of_few(kind_index, points_drawn(item, instance, kind_index));
+        albedo *= light_of_few(kind_index, points_deserved(instance, rotation, kind_index));
     }
 
     var pbr = pbr_input_new();
@@ -145,7 +146,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
 #endif
 #ifdef TREELINE_DEBUG_VIEW
     let shading_normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-    return vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, species[kind_index], cold, shading_normal, pbr.world_position.xyz), 1.0);
+    return vec4(debug_color(#{TREELINE_DEBUG_VIEW}u, item, instance, species[kind_index], settings, cold, shading_normal, pbr.world_position.xyz), 1.0);
 #else
     return pbr_functions::main_pass_post_lighting_processing(pbr, color);
 #endif

@@ -2,7 +2,6 @@
 //
 // One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
 #import bevy_treeline::select_bindings::{OF_GROVE, POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
-#import bevy_treeline::lod::view_scale
 #import bevy_treeline::splat_item::splat_item
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::types::{Run, Species, SplatItem, TreeInstance, WorkItem}
@@ -45,11 +44,7 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         let grove_index = settings.item_capacity - 1u - atomicLoad(&counters.first_grove_item) - place;
         let index = select(atomicLoad(&counters.first_item) + place, grove_index, of_grove);
         if of_grove {
-            let block = instance_blocks[run.instance];
-            let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
-            let nearest = select(distance(clamp(eye, block.lo, block.lo + block.extent), eye), 1.0, settings.orthographic != 0u);
-            let k = view_scale(settings.quality, settings.pixels_per_unit, nearest);
-            items[index] = WorkItem(block.first_instance, first, count | (settings.window << 8u) | OF_GROVE, k);
+            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | (settings.window << 8u) | OF_GROVE, 0.0);
             splat_items[index].first_point = first;
             splat_items[index].count_flags = count | (run.instance << 8u);
         } else {

@@ -52,7 +52,9 @@ impl GroveList {
     pub fn prefix_length(&self, view_scale: f32) -> u32 {
         let count = |mark: u32| mark & 0xffff;
         let ratio = view_scale / self.top;
-        if !(ratio < 1.0) {
+        // What is not a number, as of an empty list, is not below.
+        let is_below = ratio < 1.0;
+        if !is_below {
             return count(self.marks[0]);
         }
         // Octave and place in it are the exponent and the fraction of an f32.
@@ -184,11 +186,11 @@ fn marks(thresholds: &[f32], top: f32) -> [u32; OCTAVES] {
     }
     // What interpolation would miss: largest where a sample has just been reached.
     let mut corrections = [0; OCTAVES];
-    for octave in 0..OCTAVES - 1 {
+    for (octave, correction) in corrections.iter_mut().enumerate().take(OCTAVES - 1) {
         let (high, low) = (list.marks[octave] as usize, list.marks[octave + 1] as usize);
         for (index, threshold) in thresholds.iter().enumerate().take(high).skip(low) {
             let missed = (index as u32 + 1).saturating_sub(list.prefix_length(*threshold));
-            corrections[octave] = missed.max(corrections[octave]);
+            *correction = missed.max(*correction);
         }
     }
     for (mark, correction) in list.marks.iter_mut().zip(corrections) {

@@ -144,7 +144,7 @@ gpu_types! {
         pub first_point: u32,
         /// Points, 1 to 64 | for a grove, its window << 8 | 1 << 31.
         pub count: u32,
-        /// Splat radius in world units; for a grove, the view scale of the nearest corner of its block.
+        /// Splat radius in world units; 0 for a grove.
         pub radius: f32,
     }
 

@@ -74,7 +74,7 @@ impl Governor {
         seconds: f32,
     ) -> f32 {
         let seconds = if seconds > 0.0 { seconds.min(LONGEST_STEP) } else { 0.0 };
-        // Not `clamp`: it passes what is not a number on.
+        #[expect(clippy::manual_clamp, reason = "`clamp` passes what is not a number on")]
         let lowest = limits.min_factor.max(1e-3).min(1.0).log2();
         if let Some(measured) = measured {
             self.learn(lowest, budget, measured, seconds);

@@ -234,7 +234,11 @@ fn item_buffers(device: &RenderDevice, capacity: u32) -> [Buffer; 2] {
 }
 
 /// Makes and sizes the buffers of every camera's view, and writes its settings.
-#[expect(clippy::type_complexity, reason = "a query is its type")]
+#[expect(
+    clippy::too_many_arguments,
+    clippy::type_complexity,
+    reason = "a system's parameters are its dependencies"
+)]
 pub(super) fn prepare_views(
     mut commands: Commands,
     mut views: ResMut<Views>,

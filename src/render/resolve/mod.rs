@@ -43,8 +43,6 @@ use variant::{ResolveDraw, ResolveKey, SimpleFog, Sunlight};
 #[derive(Resource, Clone)]
 pub(super) struct ResolvePipeline {
     layout: BindGroupLayoutDescriptor,
-    /// With what debug views read besides.
-    debug_layout: BindGroupLayoutDescriptor,
     shader: Handle<Shader>,
     /// That for four samples a pixel.
     samples_shader: Handle<Shader>,
@@ -67,13 +65,6 @@ pub(super) fn init_resolve_pipelines(
         "treeline_resolve",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::VERTEX_FRAGMENT,
-            (read(), read(), read(), read(), read(), read(), read(), read()),
-        ),
-    );
-    let debug_layout = BindGroupLayoutDescriptor::new(
-        "treeline_resolve_debug",
-        &BindGroupLayoutEntries::sequential(
-            ShaderStages::VERTEX_FRAGMENT,
             (read(), read(), read(), read(), read(), read(), read(), read(), settings_binding()),
         ),
     );
@@ -84,7 +75,6 @@ pub(super) fn init_resolve_pipelines(
     };
     commands.insert_resource(ResolvePipeline {
         layout,
-        debug_layout,
         shader: asset_server.load(shaders::RESOLVE),
         samples_shader: asset_server.load(shaders::RESOLVE_SAMPLES),
         mesh_pipeline: mesh_pipeline.clone(),
@@ -117,10 +107,7 @@ impl SpecializedRenderPipeline for ResolvePipeline {
         };
         descriptor.label = Some(label.into());
         descriptor.layout.truncate(2);
-        descriptor.layout.push(match key.debug_view {
-            DebugView::Off => self.layout.clone(),
-            _ => self.debug_layout.clone(),
-        });
+        descriptor.layout.push(self.layout.clone());
         descriptor.primitive = PrimitiveState::default();
         let defs = [
             ShaderDefVal::UInt("MATERIAL_BIND_GROUP".into(), MATERIAL_BIND_GROUP_INDEX as u32),
@@ -149,7 +136,11 @@ impl SpecializedRenderPipeline for ResolvePipeline {
     }
 }
 
-#[expect(clippy::type_complexity, reason = "a query is its type")]
+#[expect(
+    clippy::too_many_arguments,
+    clippy::type_complexity,
+    reason = "a system's parameters are its dependencies"
+)]
 pub(super) fn specialize_resolve(
     mut commands: Commands,
     cameras: Query<
@@ -210,7 +201,7 @@ pub(super) struct ResolveGroup(BindGroup);
 #[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 pub(super) fn prepare_resolve_group(
     mut commands: Commands,
-    cameras: Query<(Entity, &ViewTrees, Option<&TreelineSettings>)>,
+    cameras: Query<(Entity, &ViewTrees)>,
     views: Res<Views>,
     resolve: Option<Res<ResolvePipeline>>,
     surfels: Res<SurfelPool>,
@@ -223,32 +214,22 @@ pub(super) fn prepare_resolve_group(
     else {
         return;
     };
-    for (entity, trees, settings) in &cameras {
+    for (entity, trees) in &cameras {
         let Some(view) = views.get(trees) else { continue };
-        let drawn = [
-            tree_buffer.as_entire_binding(),
-            view.items.as_entire_binding(),
-            surfels.hot.as_entire_binding(),
-            surfels.cold.as_entire_binding(),
-            view.visibility.as_entire_binding(),
-            view.blocks.as_entire_binding(),
-            surfels.species.as_entire_binding(),
-            instances.samples().as_entire_binding(),
-        ];
-        let (layout, debugged) = match debug_view(settings) {
-            DebugView::Off => (&resolve.layout, None),
-            _ => (&resolve.debug_layout, Some(bound_settings(view))),
-        };
-        let entries: Vec<BindGroupEntry> = drawn
-            .into_iter()
-            .chain(debugged)
-            .zip(0..)
-            .map(|(resource, binding)| BindGroupEntry { binding, resource })
-            .collect();
         let group = device.create_bind_group(
             "treeline_resolve",
-            &cache.get_bind_group_layout(layout),
-            &entries[..],
+            &cache.get_bind_group_layout(&resolve.layout),
+            &BindGroupEntries::sequential((
+                tree_buffer.as_entire_binding(),
+                view.items.as_entire_binding(),
+                surfels.hot.as_entire_binding(),
+                surfels.cold.as_entire_binding(),
+                view.visibility.as_entire_binding(),
+                view.blocks.as_entire_binding(),
+                surfels.species.as_entire_binding(),
+                instances.samples().as_entire_binding(),
+                bound_settings(view),
+            )),
         );
         commands.entity(entity).insert(ResolveGroup(group));
     }

@@ -158,7 +158,7 @@ mod tests {
         let other = Results { machine: Default::default(), ..results };
         let other = run_folder(&other);
         let paths = [paths[0].clone(), other.path().join("results.json")];
-        let error = publish_again(&paths, out.path()).err().expect("is refused").to_string();
+        let error = publish_again(&paths, out.path()).expect_err("is refused").to_string();
         assert!(error.contains("another machine"), "{error}");
     }
 

@@ -14,7 +14,7 @@ use crate::{
 };
 use bevy::{diagnostic::DiagnosticsStore, prelude::*, render::renderer::RenderAdapterInfo};
 use bevy_treeline::{
-    NearMeshes, TreelineCounters,
+    NearMeshes, Occlusion, TreelineCounters, TreelineSettings,
     landscape::{Planting, PlantingCounters, TerrainCounters},
 };
 use image::RgbaImage;
@@ -98,6 +98,10 @@ pub fn run(args: &FlyArgs) -> ToolResult {
     })?;
     let image = target(&mut app, args.size.0, args.size.1);
     let camera = world::camera(app.world_mut(), args);
+    // What holes of a pixel would show depends on the frames before; two flights have to give the same bytes.
+    if let Some(mut settings) = app.world_mut().get_mut::<TreelineSettings>(camera) {
+        settings.occlusion = Occlusion::Exact;
+    }
     app.world_mut().entity_mut(camera).insert((FlyCamera, render_target(&image)));
     let total = args.frames;
     let at = |frame: u32| args.start + args.way * frame as f32 / total as f32;

@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn thinned_wood_has_about_the_triangles_asked_for() {
-        let trunk = Mesh::from(Cylinder::new(0.3, 8.0).mesh().resolution(64).segments(32).build());
+        let trunk = Cylinder::new(0.3, 8.0).mesh().resolution(64).segments(32).build();
         let thin = thin_wood(&trunk, 0.1);
         let left = triangles(&thin) as f32 / triangles(&trunk) as f32;
         assert!(left < 0.2, "{left}");
