@@ -26,12 +26,11 @@ fn plant(stage: &mut Stage, count: usize) -> Entity {
     stage.world().spawn(Forest::new(species).with(trees)).id()
 }
 
+/// A camera and its picture.
+type View = (Entity, Handle<Image>);
+
 /// A stage with the forest and one camera for each of these, all at the same place.
-fn planted(
-    test: &str,
-    count: usize,
-    occlusion: &[Occlusion],
-) -> Option<(Stage, Vec<(Entity, Handle<Image>)>)> {
+fn planted(test: &str, count: usize, occlusion: &[Occlusion]) -> Option<(Stage, Vec<View>)> {
     let mut stage = Stage::new(test, SplatPath::Auto)?;
     let _ = plant(&mut stage, count);
     let views = occlusion.iter().map(|occlusion| {
@@ -52,7 +51,7 @@ fn different(a: &RgbaImage, b: &RgbaImage) -> usize {
     a.pixels().zip(b.pixels()).filter(differs).count()
 }
 
-fn look(stage: &mut Stage, views: &[(Entity, Handle<Image>)], place: Transform) {
+fn look(stage: &mut Stage, views: &[View], place: Transform) {
     for (camera, _) in views {
         stage.world().entity_mut(*camera).insert(place);
     }
