@@ -4,6 +4,8 @@
 const PI: f32 = 3.14159265;
 const CLOSED_OVERLAP: f32 = 2.0;
 const GROVE_WINDOW: u32 = 64u;
+// Bit of WorkItem.count: samples of a grove instead of points of a tree; its window stands above bit 8.
+const OF_GROVE: u32 = 0x80000000u;
 const WINDOW_CYCLE: u32 = 8u;
 
 struct FadeBand {

@@ -7,7 +7,7 @@
 #import bevy_treeline::block_quad::block_corner
 #ifdef NORMAL_PREPASS
 #import bevy_treeline::instance::{rotate, rotation_of, species_of}
-#import bevy_treeline::lod::grove_point
+#import bevy_treeline::lod::{OF_GROVE, grove_point}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, surfel_face_normal, surfel_flags, surfel_normal}
 #import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
 #endif
@@ -24,9 +24,6 @@
 @group(1) @binding(6) var<storage, read> species: array<Species>;
 // Samples of groves: rank of the point | place of the tree in its block << 24.
 @group(1) @binding(7) var<storage, read> samples: array<u32>;
-
-// Bit of WorkItem.count: samples of a grove instead of points of a tree; its window stands above bit 8.
-const OF_GROVE: u32 = 0x80000000u;
 #endif
 
 @vertex

@@ -4,7 +4,7 @@
 #import bevy_pbr::mesh_view_bindings::view
 #import bevy_treeline::hash::unit_from_bits
 #import bevy_treeline::instance::{has_mesh, rotate, rotation_of, seed_of, tint_of}
-#import bevy_treeline::lod::{PI, d_zero, fade_band, fade_state, prefix_count}
+#import bevy_treeline::lod::{OF_GROVE, PI, d_zero, fade_band, fade_state, prefix_count}
 #import bevy_treeline::surfel::{surfel_albedo, surfel_ambient_visibility}
 #import bevy_treeline::types::{SelectSettings, Species, SurfelCold, TreeInstance, WorkItem}
 
@@ -28,7 +28,7 @@ fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species,
     let orthographic = settings.orthographic != 0u;
     // The area that a point stands for, world units². Items of groves hold many trees.
     var area = PI * item.radius * item.radius;
-    if (item.count & 0x80000000u) != 0u {
+    if (item.count & OF_GROVE) != 0u {
         let d = select(distance(world_position, view.world_position), 1.0, orthographic);
         let n = prefix_count(f32(tree.point_count), tree.pixel * instance.scale, settings.pixels_per_unit, d, settings.quality);
         area = tree.surface_area * instance.scale * instance.scale / n;

@@ -13,7 +13,7 @@
 #import bevy_treeline::sunlight::sunlight
 #endif
 #import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::lod::{grove_point, prefix_count}
+#import bevy_treeline::lod::{OF_GROVE, grove_point, prefix_count}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
@@ -28,9 +28,6 @@
 // Samples of groves: rank of the point | place of the tree in its block << 24.
 @group(2) @binding(7) var<storage, read> samples: array<u32>;
 @group(2) @binding(8) var<uniform> settings: SelectSettings;
-
-// Bit of WorkItem.count: samples of a grove instead of points of a tree; its window stands above bit 8.
-const OF_GROVE: u32 = 0x80000000u;
 
 #ifdef TREELINE_FOG
 #import bevy_pbr::mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT

@@ -31,9 +31,6 @@ const GROVE: u32 = 2u;
 const WAS_HIDDEN: u32 = 4u;
 const HAS_HIDDEN: u32 = 8u;
 
-// Bit of WorkItem.count: samples of a grove instead of points of a tree.
-const OF_GROVE: u32 = 0x80000000u;
-
 // Instances of a block; and of these, those whose species is resident.
 fn instance_count(block: InstanceBlock) -> u32 {
     return block.counts & 0xffffu;

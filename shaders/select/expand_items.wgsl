@@ -1,7 +1,8 @@
 // Cuts runs into work items of up to 64 points, and says of each how its points come to the screen.
 //
 // One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{OF_GROVE, POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
+#import bevy_treeline::lod::OF_GROVE
 #import bevy_treeline::splat_item::splat_item
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::types::{Run, Species, SplatItem, TreeInstance, WorkItem}

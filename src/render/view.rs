@@ -1,7 +1,9 @@
 //! Buffers and settings of each camera's view.
 
+mod fit;
+
 use super::{
-    counters::{CounterReadback, TreelineCounters, ViewCounters},
+    counters::{CounterReadback, TreelineCounters},
     cull_tiles::{TileCounts, TileView, cull_tiles},
     residency::{InstancePool, SurfelPool},
 };
@@ -28,6 +30,8 @@ use bevy::{
         view::{ExtractedView, Msaa, RetainedViewEntity},
     },
 };
+
+use fit::Fit;
 
 /// GPU side of one view.
 pub(super) struct ViewBuffers {
@@ -76,44 +80,6 @@ pub(super) struct ViewBuffers {
 /// Bytes from the settings of one phase to those of the next: the largest alignment that devices ask for.
 pub(super) const PHASE_STRIDE: u32 = 512;
 const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
-
-/// Lowers the quality of a view evenly while it asks for more items than fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Fit {
-    factor: f32,
-    /// Number of the newest counters that were looked at.
-    seen: u64,
-    /// Counters of frames before this one were drawn with another factor.
-    changed: u64,
-}
-
-impl Default for Fit {
-    fn default() -> Self {
-        Self { factor: 1.0, seen: 0, changed: 0 }
-    }
-}
-
-impl Fit {
-    /// Looks at counters that came back; `now` is the number of the frame in preparation.
-    fn update(&mut self, counters: &ViewCounters, capacity: u32, now: u64) {
-        if counters.frame <= self.seen || counters.frame < self.changed {
-            return;
-        }
-        self.seen = counters.frame;
-        let items = counters.items as f32;
-        let wanted = items + counters.item_overflow as f32;
-        let factor = if counters.item_overflow > 0 {
-            // A little less than what would fit: items of small trees do not shrink in proportion.
-            self.factor * 0.95 * items / wanted
-        } else {
-            // Up again, slowly, while there is room.
-            (self.factor * (0.9 * capacity as f32 / wanted.max(1.0)).clamp(1.0, 1.1)).min(1.0)
-        };
-        if factor != self.factor {
-            (self.factor, self.changed) = (factor.max(1e-3), now);
-        }
-    }
-}
 
 /// Name of a warning beside those of settings.
 const TOO_MANY_BLOCKS: &str = "blocks";
