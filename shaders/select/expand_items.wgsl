@@ -1,17 +1,18 @@
 // Cuts runs into work items of up to 64 points, and says of each how its points come to the screen.
 //
 // One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, settings, view}
 #import bevy_treeline::lod::OF_GROVE
 #import bevy_treeline::splat_item::splat_item
 #import bevy_treeline::instance::species_of
-#import bevy_treeline::types::{Run, Species, SplatItem, TreeInstance, WorkItem}
+#import bevy_treeline::types::{InstanceBlock, Run, Species, SplatItem, TreeInstance, WorkItem}
 
 @group(1) @binding(0) var<storage, read> species: array<Species>;
 @group(1) @binding(1) var<storage, read> instances: array<TreeInstance>;
 @group(1) @binding(2) var<storage, read> runs: array<Run>;
 @group(1) @binding(3) var<storage, read_write> items: array<WorkItem>;
 @group(1) @binding(4) var<storage, read_write> splat_items: array<SplatItem>;
+@group(1) @binding(5) var<storage, read> instance_blocks: array<InstanceBlock>;
 
 var<workgroup> group_points: atomic<u32>;
 

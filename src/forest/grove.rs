@@ -1,9 +1,9 @@
 //! Groves: the trees of a block drawn as one progressively ordered list of (instance, point) samples, whose prefix is its
 //! level of detail. Beyond the distance where a tree gets a handful of points, a block then costs what its points cost.
 //!
-//! Selection gives tree i `floor(n + hash)` points, and `n = w k`: its *weight* `w = N0 s²` is a property of the tree,
-//! the *view scale* `k = q Z0² / d²` of the view. So point r of it is drawn from `k = (r + 1 − hash) / w` on, the *threshold* of
-//! that sample. Sorted by threshold, the samples drawn at any k are a prefix. Distances within a block differ, but only
+//! Selection gives tree i `floor(n + hash)` points, and `n = t(w k)`: its *weight* `w = N0 s²` is a property of the tree,
+//! the *view scale* `k = q Z0² / d²` of the view, and `t` thins small trees (`lod::prefix_count`). So point r of it is drawn
+//! from `k = t⁻¹(r + 1 − hash) / w` on, the *threshold* of that sample. Sorted by threshold, the samples drawn at any k are a prefix. Distances within a block differ, but only
 //! move each tree's own k: the prefix is taken for the largest k of the block, and whoever draws a sample compares
 //! its point with what selection gives that tree. A grove so draws exactly the points that its trees would.
 //!
@@ -12,7 +12,7 @@
 use super::{instance::TreeInstance, select::SpeciesShape};
 use crate::{
     gpu::types::{GpuTreeInstance, SELECT_WORKGROUP},
-    lod::clusters::LIST_POINTS,
+    lod::{clusters::LIST_POINTS, prefix_count::unthinned},
 };
 use std::{
     cmp::{Ordering, Reverse},
@@ -29,8 +29,8 @@ pub const MOST_SAMPLES: usize = u16::MAX as usize;
 pub const OCTAVES: usize = 16;
 
 /// Thresholds are lowered by this share, so that no rounding in the f32 of selection, of a distance or of
-/// [`GroveList::prefix_length`] (a dozen operations, each within 2.5 ulp on a GPU) draws a point that a prefix lacks.
-const SLACK: f64 = 4e-6;
+/// [`GroveList::prefix_length`] (a dozen operations and a root, each within 2.5 ulp on a GPU) draws a point that a prefix lacks.
+const SLACK: f64 = 6e-6;
 
 /// One block of instances as a list of samples.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -101,7 +101,7 @@ impl Tree {
     /// The view scale from which point `rank` is drawn, less [`SLACK`].
     fn threshold(&self, rank: u32) -> f32 {
         let wanted = (f64::from(rank) + 1.0) * (1.0 - SLACK) - self.hash;
-        round_down((wanted / self.weight).max(0.0) * (1.0 - SLACK))
+        round_down((unthinned(wanted.max(0.0)) / self.weight) * (1.0 - SLACK))
     }
 }
 
@@ -207,7 +207,11 @@ mod tests {
             select::{ViewPoint, select_instance},
             settings::TreelineSettings,
         },
-        lod::{fade::ViewRange, prefix_count::round_count, splat_size::AREA_OCTAVES},
+        lod::{
+            fade::ViewRange,
+            prefix_count::{round_count, thinned},
+            splat_size::AREA_OCTAVES,
+        },
         math::hash::SplitMix64,
     };
     use bevy::math::Vec3;
@@ -315,7 +319,7 @@ mod tests {
                 .map(|tree| {
                     let shape = SPECIES[usize::from(tree.species)];
                     let s = f64::from(shape.pixel) * f64::from(tree.scale);
-                    let wanted = (f64::from(shape.point_count) * s * s * f64::from(k)) as f32;
+                    let wanted = thinned((f64::from(shape.point_count) * s * s * f64::from(k)) as f32);
                     round_count(wanted.min(shape.point_count as f32), tree.hash())
                 })
                 .sum();

@@ -110,6 +110,8 @@ gpu_types! {
     pub struct GpuViewBlock as "ViewBlock" {
         /// Index of the block.
         pub block: u32,
+        /// Index of its first instance.
+        pub first_instance: u32,
         /// What `cull_blocks` decided.
         pub state: u32,
         /// Runs of the block; then the index of its first.
@@ -118,6 +120,19 @@ gpu_types! {
         pub items: u32,
         /// Of no block: a list of those whose trees are looked at.
         pub listed: u32,
+    }
+
+    /// What selection found out about a tree of a listed block, for each thread that looked at one.
+    #[derive(PartialEq)]
+    pub struct GpuTreeDraw as "TreeDraw" {
+        /// Points of the whole tree | whether some of them were not drawn in the first phase << 31.
+        pub count: u32,
+        /// Of its splats, world units.
+        pub radius: f32,
+        /// Clusters that are drawn in this phase; until `cull_clusters`, those that may be.
+        pub mask: u32,
+        /// Of no tree: a list of those that are looked at cluster by cluster.
+        pub near: u32,
     }
 
     /// Consecutive points of one instance, or samples of a grove, as many as are drawn.
@@ -218,8 +233,8 @@ gpu_types! {
         pub pyramid_previous: u32,
         /// Place of the first texel of this frame's.
         pub pyramid_current: u32,
-        /// Zero.
-        pub pad: u32,
+        /// Of the view's blocks, the first so many may be looked at tree by tree.
+        pub listable_blocks: u32,
         /// Place of the first run of a grove in the list of runs.
         pub first_grove_run: u32,
         /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.
@@ -269,6 +284,8 @@ gpu_types! {
         pub first_grove_item: u32,
         /// Points of the second phase.
         pub second_points: u32,
+        /// Trees that are looked at cluster by cluster, of the phase in progress.
+        pub near_trees: u32,
     }
 
     /// Arguments of the indirect commands, one buffer a view.
@@ -278,6 +295,10 @@ gpu_types! {
         pub cull: [u32; 3],
         /// Zero.
         pub pad: u32,
+        /// Trees that are looked at cluster by cluster: workgroups x, y, z.
+        pub clusters: [u32; 3],
+        /// Zero.
+        pub pad_clusters: u32,
         /// Work items: workgroups x, y, z.
         pub expand: [u32; 3],
         /// Zero.

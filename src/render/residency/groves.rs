@@ -123,15 +123,7 @@ impl Groves {
             return false;
         };
         self.samples.write(first, bytemuck::cast_slice(&samples), queue);
-        blocks.samples = first..first + samples.len() as u32;
-        let mut next = first;
-        for (block, list) in blocks.all.iter_mut().zip(&grown.lists) {
-            block.first_sample = next;
-            block.complete_below = list.complete_below;
-            block.top = list.top;
-            block.marks = list.marks;
-            next += list.samples.len() as u32;
-        }
+        blocks.set_groves(first, &grown.lists);
         true
     }
 }
