@@ -160,6 +160,11 @@ fn window_start(count: u32, total: u32, turn: u32) -> u32 {
     return (slot * total) >> bits;
 }
 
+// A sample of a grove, of which a word holds two: rank of the point, and place of the tree in its block << 8.
+fn grove_sample(word: u32, index: u32) -> u32 {
+    return (word >> ((index & 1u) * 16u)) & 0xffffu;
+}
+
 // The point that a sample of a grove of rank `rank` shows: trees of a grove have few points, and windows (`window` as in
 // SelectSettings) begin GROVE_WINDOW points apart in their first list.
 fn grove_point(rank: u32, window: u32, n0: u32) -> u32 {

@@ -2,9 +2,9 @@
 #define_import_path bevy_treeline::selection
 
 #import bevy_treeline::hash::unit_from_bits
-#import bevy_treeline::instance::{has_mesh, hash_of, seed_of}
+#import bevy_treeline::instance::{TreeInstance, has_mesh, hash_of, seed_of}
 #import bevy_treeline::lod::{d_zero, fade_band, fade_state, prefix_count, range_share, round_count}
-#import bevy_treeline::types::{SelectSettings, Species, TreeInstance}
+#import bevy_treeline::types::{SelectSettings, Species}
 
 struct Wanted {
     // Points, whole.
@@ -24,8 +24,8 @@ fn wanted_points(settings: SelectSettings, instance: TreeInstance, kind: Species
     var points = n;
     if settings.orthographic == 0u {
         // Parallel views draw points only.
-        if has_mesh(instance) {
-            let hash = unit_from_bits(seed_of(instance));
+        if has_mesh(instance.look) {
+            let hash = unit_from_bits(seed_of(instance.look));
             let band = fade_band(d_zero(s, settings.pixels_per_unit), settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, hash);
             let state = fade_state(band, d);
             if state.points <= 0.0 {

@@ -36,12 +36,16 @@ struct Cluster {
     count: u32,
 }
 
-struct TreeInstance {
-    position: vec3<f32>,
-    scale: f32,
-    rotation: vec2<u32>,
-    tint: u32,
-    species_seed_flags: u32,
+struct TreePlace {
+    x: f32,
+    y: f32,
+    z: f32,
+}
+
+struct TreeLook {
+    rotation: u32,
+    tint_seed: u32,
+    species_scale: u32,
 }
 
 struct InstanceBlock {

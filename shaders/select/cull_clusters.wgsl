@@ -3,16 +3,17 @@
 // One workgroup per near tree, one thread per cluster. In: the draws of `cull_instances`, whose mask says which clusters may be
 // drawn. Out: the mask of those that are; `runs` and `items` of their blocks. O(near trees).
 #import bevy_treeline::culling::{REACH, all_of, hides, sphere_outside}
-#import bevy_treeline::instance::{matrix_of, rotation_of, species_of}
+#import bevy_treeline::instance::{matrix_of, rotation_of, species_of, tree_instance}
 #import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points}
 #import bevy_treeline::select_bindings::{SECOND, WAS_PARTLY_HIDDEN, WORKGROUP, block_index, counters, item_count, settings}
-#import bevy_treeline::types::{Cluster, Species, TreeDraw, TreeInstance, ViewBlock}
+#import bevy_treeline::types::{Cluster, Species, TreeDraw, TreeLook, TreePlace, ViewBlock}
 
 @group(1) @binding(1) var<storage, read> clusters: array<Cluster>;
 @group(1) @binding(2) var<storage, read_write> view_blocks: array<ViewBlock>;
 @group(1) @binding(3) var<storage, read> species: array<Species>;
-@group(1) @binding(4) var<storage, read> instances: array<TreeInstance>;
-@group(1) @binding(5) var<storage, read_write> draws: array<TreeDraw>;
+@group(1) @binding(4) var<storage, read> places: array<TreePlace>;
+@group(1) @binding(5) var<storage, read> looks: array<TreeLook>;
+@group(1) @binding(6) var<storage, read_write> draws: array<TreeDraw>;
 
 var<workgroup> drawn: atomic<u32>;
 var<workgroup> hidden: atomic<u32>;
@@ -36,8 +37,9 @@ fn cull_clusters(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
     let is_there = place < atomicLoad(&counters.near_trees);
     let count = draws[slot].count;
     let candidates = draws[slot].mask;
-    let instance = instances[view_blocks[index].first_instance + slot % WORKGROUP];
-    let kind = species[species_of(instance)];
+    let instance_index = view_blocks[index].first_instance + slot % WORKGROUP;
+    let instance = tree_instance(places[instance_index], looks[instance_index]);
+    let kind = species[species_of(instance.look)];
     let level = level_of(count, kind.level_count);
     let list = level_clusters(level);
     if is_there && lane < list.y && (candidates & (1u << lane)) != 0u {
@@ -45,7 +47,7 @@ fn cull_clusters(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
         var is_drawn = true;
         if settings.occlusion != 0u {
             let reach = REACH * draws[slot].radius;
-            let turned = matrix_of(rotation_of(instance));
+            let turned = matrix_of(rotation_of(instance.look));
             let placed = mat3x3<f32>(turned[0] * instance.scale, turned[1] * instance.scale, turned[2] * instance.scale);
             let lo = instance.position + placed * cluster.lo;
             let edges = mat3x3<f32>(placed[0] * cluster.extent.x, placed[1] * cluster.extent.y, placed[2] * cluster.extent.z);

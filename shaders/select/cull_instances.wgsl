@@ -4,17 +4,18 @@
 // each thread, which later passes and the second phase read instead of asking again; `runs` and `items` of each block; a list of
 // the trees that are looked at cluster by cluster. O(instances in listed blocks). CPU twin: src/forest/select.rs.
 #import bevy_treeline::culling::{REACH, all_of, hides, sphere_outside}
-#import bevy_treeline::instance::{NOT_RESIDENT, matrix_of, rotation_of, species_of}
+#import bevy_treeline::instance::{NOT_RESIDENT, matrix_of, rotation_of, species_of, tree_instance}
 #import bevy_treeline::lod::{disc_radius, level_clusters, level_of, octave_of}
 #import bevy_treeline::select_bindings::{HAS_HIDDEN, LISTED, SECOND, WAS_HIDDEN, WAS_PARTLY_HIDDEN, WORKGROUP, block_index, counters, instance_count, item_count, settings, view}
 #import bevy_treeline::selection::wanted_points
-#import bevy_treeline::types::{InstanceBlock, Species, TreeDraw, TreeInstance, ViewBlock}
+#import bevy_treeline::types::{InstanceBlock, Species, TreeDraw, TreeLook, TreePlace, ViewBlock}
 
 @group(1) @binding(1) var<storage, read> instance_blocks: array<InstanceBlock>;
 @group(1) @binding(2) var<storage, read_write> view_blocks: array<ViewBlock>;
 @group(1) @binding(3) var<storage, read> species: array<Species>;
-@group(1) @binding(4) var<storage, read> instances: array<TreeInstance>;
-@group(1) @binding(5) var<storage, read_write> draws: array<TreeDraw>;
+@group(1) @binding(4) var<storage, read> places: array<TreePlace>;
+@group(1) @binding(5) var<storage, read> looks: array<TreeLook>;
+@group(1) @binding(6) var<storage, read_write> draws: array<TreeDraw>;
 
 // Why a tree is not drawn, or that it is.
 const DRAWN: u32 = 0u;
@@ -46,13 +47,13 @@ struct Tree {
 // What is drawn of a tree. `asks_pyramid`: unless a pyramid hides it.
 fn select_tree(block: InstanceBlock, lane: u32, asks_pyramid: bool) -> Tree {
     var tree = Tree(ABSENT, 0u, 0.0, 0u, false);
-    let instance = instances[block.first_instance + lane];
-    let kind_index = species_of(instance);
+    let instance = tree_instance(places[block.first_instance + lane], looks[block.first_instance + lane]);
+    let kind_index = species_of(instance.look);
     if kind_index == NOT_RESIDENT {
         return tree;
     }
     let kind = species[kind_index];
-    let turned = matrix_of(rotation_of(instance));
+    let turned = matrix_of(rotation_of(instance.look));
     let placed = mat3x3<f32>(turned[0] * instance.scale, turned[1] * instance.scale, turned[2] * instance.scale);
     let center = instance.position + placed * kind.center;
     tree.verdict = OUTSIDE;

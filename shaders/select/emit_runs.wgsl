@@ -6,13 +6,13 @@
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points, window_start}
 #import bevy_treeline::select_bindings::{WAS_PARTLY_HIDDEN, WORKGROUP, block_index, item_count, settings}
-#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeInstance, ViewBlock}
+#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeLook, ViewBlock}
 
 @group(1) @binding(0) var<storage, read_write> runs: array<Run>;
 @group(1) @binding(1) var<storage, read> clusters: array<Cluster>;
 @group(1) @binding(2) var<storage, read_write> view_blocks: array<ViewBlock>;
 @group(1) @binding(3) var<storage, read> species: array<Species>;
-@group(1) @binding(4) var<storage, read> instances: array<TreeInstance>;
+@group(1) @binding(4) var<storage, read> looks: array<TreeLook>;
 @group(1) @binding(5) var<storage, read> draws: array<TreeDraw>;
 
 var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
@@ -42,7 +42,7 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
     var all = 0u;
     var own = vec2(0u);
     if mask != 0u {
-        let kind_index = species_of(instances[instance]);
+        let kind_index = species_of(looks[instance]);
         let level_count = species[kind_index].level_count;
         level = level_of(count, level_count);
         first_cluster = species[kind_index].first_cluster + level_clusters(level).x;

@@ -1,5 +1,6 @@
 //! Buffers and settings of each camera's view.
 
+mod buffers;
 mod fit;
 
 use super::{
@@ -10,8 +11,8 @@ use super::{
 use crate::{
     forest::{Occlusion, QualityFactor, SplatShape, TemporalSampling, TreelineSettings},
     gpu::types::{
-        GpuCounters, GpuIndirectArgs, GpuRun, GpuSelectSettings, GpuSplatItem, GpuTreeDraw,
-        GpuViewBlock, GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK, SELECT_WORKGROUP,
+        GpuCounters, GpuIndirectArgs, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
+        POINTS_PER_ITEM,
     },
     lod::{prefix_count::z0, window::WINDOW_CYCLE},
     math::occlusion::{PYRAMID_LEVELS, pyramid_offset},
@@ -24,13 +25,16 @@ use bevy::{
     prelude::*,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
-        render_resource::{Buffer, BufferDescriptor, BufferUsages},
+        render_resource::{Buffer, BufferUsages},
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
         view::{ExtractedView, Msaa, RetainedViewEntity},
     },
 };
 
+use buffers::{
+    DRAW_BYTES, block_buffer, buffer, draw_buffer, item_buffers, pixel_buffers, run_buffer,
+};
 use fit::Fit;
 
 /// GPU side of one view.
@@ -162,61 +166,6 @@ pub(super) struct SplatVariant {
     /// Discs for some of the trees, where the others are cells.
     pub mixed: bool,
     pub parallel: bool,
-}
-
-fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
-    // A binding holds one element at least.
-    let size = size.max(256);
-    device.create_buffer(&BufferDescriptor {
-        label: Some(label),
-        size,
-        usage,
-        mapped_at_creation: false,
-    })
-}
-
-fn pixel_buffers(device: &RenderDevice, size: UVec2, samples: u32) -> [Buffer; 3] {
-    let pixels = u64::from(size.x) * u64::from(size.y) * u64::from(samples);
-    let blocks =
-        u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
-    let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-    let texels = u64::from(pyramid_offset(size, PYRAMID_LEVELS));
-    [
-        buffer(device, "treeline_visibility", pixels * 8, storage),
-        buffer(device, "treeline_blocks", blocks * 4, BufferUsages::STORAGE),
-        buffer(device, "treeline_pyramid", 2 * texels * 4, storage),
-    ]
-}
-
-fn block_buffer(device: &RenderDevice, blocks: u32) -> Buffer {
-    let size = u64::from(blocks) * size_of::<GpuViewBlock>() as u64;
-    let written = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-    buffer(device, "treeline_view_blocks", size, written)
-}
-
-/// Bytes of what is found out about the trees of a block.
-const DRAW_BYTES: u64 = SELECT_WORKGROUP as u64 * size_of::<GpuTreeDraw>() as u64;
-
-fn draw_buffer(device: &RenderDevice, blocks: u32) -> Buffer {
-    buffer(device, "treeline_draws", u64::from(blocks.max(1)) * DRAW_BYTES, BufferUsages::STORAGE)
-}
-
-/// Runs of trees, each with an item, and of groves, one a block.
-fn run_buffer(device: &RenderDevice, items: u32, blocks: u32) -> Buffer {
-    let size = (u64::from(items) + u64::from(blocks)) * size_of::<GpuRun>() as u64;
-    buffer(device, "treeline_runs", size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
-}
-
-/// Items, and how they come to the screen.
-fn item_buffers(device: &RenderDevice, capacity: u32) -> [Buffer; 2] {
-    let of = |label, bytes: usize| {
-        let size = u64::from(capacity) * bytes as u64;
-        buffer(device, label, size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
-    };
-    [
-        of("treeline_items", size_of::<GpuWorkItem>()),
-        of("treeline_splat_items", size_of::<GpuSplatItem>()),
-    ]
 }
 
 /// Makes and sizes the buffers of every camera's view, and writes its settings.

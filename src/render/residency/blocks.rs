@@ -16,7 +16,7 @@ pub(in crate::render) struct TileBlocks {
     /// Index of the first in the table.
     pub first: u32,
     pub all: Vec<GpuInstanceBlock>,
-    /// Its part of the groves' samples.
+    /// Its part of the groves' samples, in words of two.
     pub samples: Range<u32>,
     complete_below: f32,
 }
@@ -44,9 +44,9 @@ impl TileBlocks {
         Self { all: packed.iter().enumerate().map(block).collect(), ..Default::default() }
     }
 
-    /// Tells the blocks where their groves lie: samples from `first` on, lists in the order of the blocks.
+    /// Tells the blocks where their groves lie: samples from the word `first` on, lists in the order of the blocks.
     pub fn set_groves(&mut self, first: u32, lists: &[GroveList]) {
-        let mut next = first;
+        let mut next = 2 * first;
         for (block, list) in self.all.iter_mut().zip(lists) {
             block.first_sample = next;
             block.complete_below = list.complete_below;
@@ -54,7 +54,7 @@ impl TileBlocks {
             block.marks = list.marks;
             next += list.samples.len() as u32;
         }
-        self.samples = first..next;
+        self.samples = first..next.div_ceil(2);
         self.complete_below =
             lists.iter().map(|list| list.complete_below).fold(f32::INFINITY, f32::min);
     }

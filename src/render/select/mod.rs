@@ -35,8 +35,9 @@ enum Bound {
     Blocks,
     Clusters,
     Draws,
-    Instances,
     Items,
+    Looks,
+    Places,
     Pyramid,
     Runs,
     Species,
@@ -88,7 +89,8 @@ const PASSES: [Pass; PASS_COUNT] = [
             (Bound::Blocks, false),
             (Bound::ViewBlocks, true),
             (Bound::Species, false),
-            (Bound::Instances, false),
+            (Bound::Places, false),
+            (Bound::Looks, false),
             (Bound::Draws, true),
         ],
         size: Size::Indirect(offset_of!(GpuIndirectArgs, cull)),
@@ -107,7 +109,8 @@ const PASSES: [Pass; PASS_COUNT] = [
             (Bound::Clusters, false),
             (Bound::ViewBlocks, true),
             (Bound::Species, false),
-            (Bound::Instances, false),
+            (Bound::Places, false),
+            (Bound::Looks, false),
             (Bound::Draws, true),
         ],
         size: Size::Indirect(offset_of!(GpuIndirectArgs, clusters)),
@@ -131,7 +134,7 @@ const PASSES: [Pass; PASS_COUNT] = [
             (Bound::Clusters, false),
             (Bound::ViewBlocks, true),
             (Bound::Species, false),
-            (Bound::Instances, false),
+            (Bound::Looks, false),
             (Bound::Draws, false),
         ],
         size: Size::Indirect(offset_of!(GpuIndirectArgs, cull)),
@@ -141,7 +144,8 @@ const PASSES: [Pass; PASS_COUNT] = [
         shader: shaders::EXPAND_ITEMS,
         bound: &[
             (Bound::Species, false),
-            (Bound::Instances, false),
+            (Bound::Places, false),
+            (Bound::Looks, false),
             (Bound::Runs, false),
             (Bound::Items, true),
             (Bound::SplatItems, true),
@@ -259,7 +263,7 @@ pub(super) fn prepare_select_groups(
     device: Res<RenderDevice>,
 ) {
     let (Some(pipelines), Some(surfels), Some(trees), Some(uniforms)) =
-        (pipelines, &surfels.buffers, &instances.buffer, view_uniforms.uniforms.binding())
+        (pipelines, &surfels.buffers, &instances.buffers, view_uniforms.uniforms.binding())
     else {
         return;
     };
@@ -279,8 +283,9 @@ pub(super) fn prepare_select_groups(
             Bound::Blocks => instances.blocks.buffer(),
             Bound::Clusters => &surfels.clusters,
             Bound::Draws => &view.draws,
-            Bound::Instances => trees,
             Bound::Items => &view.items,
+            Bound::Looks => &trees.looks,
+            Bound::Places => &trees.places,
             Bound::Pyramid => &view.pyramid,
             Bound::Runs => &view.runs,
             Bound::Species => &surfels.species,
