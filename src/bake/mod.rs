@@ -13,12 +13,15 @@
 //! ```
 
 mod assemble;
+mod cards;
 mod entities;
 mod job;
 pub mod lighting;
 mod loader;
+mod mip_chain;
 mod near;
 pub mod order;
+mod outside_first;
 pub mod peel;
 mod plant;
 pub mod predict;
@@ -38,6 +41,6 @@ pub use loader::{
     LoadTreeError, NearMeshLoader, NearMeshLoaderSettings, TreeLoader, TreeLoaderSettings,
     TreeSaver,
 };
-pub use near::{NearMeshSource, near_mesh_sources};
+pub use near::{NearMeshSource, model_mesh_sources, near_mesh_sources};
 pub use plant::bake_species;
 pub use settings::{BakeSettings, OrderMethod, PeelBackend, SettingsError};

@@ -1,11 +1,14 @@
 //! A source model as Bevy meshes and materials: what is drawn near the camera.
 
+use super::cards::cut_cards;
 use super::lighting::LightVolume;
+use super::mip_chain::mip_chain;
+use super::outside_first::outside_first;
 use super::source::{
     SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceWrap,
 };
 use crate::{
-    asset::{NearMesh, NearMeshPiece, light_factor},
+    asset::{NEAR_LIGHTING_PASS, NearMesh, NearMeshPiece, light_factor},
     math::bounding::Aabb,
 };
 use bevy::{
@@ -32,20 +35,74 @@ pub struct NearMeshSource {
     pub half_extents: Vec3,
 }
 
-/// The model's triangles gathered by material, in the order of materials.
+impl NearMeshSource {
+    /// The least alpha of its texture that is drawn, if alpha cuts something out.
+    fn alpha_cut_off(&self) -> Option<f32> {
+        match self.material.alpha_mode {
+            AlphaMode::Mask(cut_off) => Some(cut_off / self.material.base_color.alpha().max(1e-3)),
+            _ => None,
+        }
+    }
+}
+
+/// What is drawn of a model near the camera, and looks like [`model_mesh_sources`] for less: leaf cards are cut to their leaves, triangles lie
+/// from the outside in, and textures have mip levels.
+pub fn near_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
+    let refine = |mesh: &SourceMesh| {
+        let mut mesh = cut_to_leaves(model, mesh).unwrap_or_else(|| mesh.clone());
+        if std::env::var_os("TL_NO_ORDER").is_none() {
+            outside_first(&mesh.positions, &mut mesh.triangles);
+        }
+        mesh
+    };
+    let meshes: Vec<SourceMesh> = model.meshes.par_iter().map(refine).collect();
+    let mut parts = gather(model, &meshes, ambient_visibility);
+    for part in &mut parts {
+        if std::env::var_os("TL_NO_LIT").is_none() {
+        part.material.deferred_lighting_pass_id = NEAR_LIGHTING_PASS;
+        }
+        let cut_off = part.alpha_cut_off();
+        if let Some(texture) = &mut part.texture
+            && std::env::var_os("TL_NO_MIPS").is_none()
+        {
+            add_mip_levels(texture, cut_off);
+        }
+    }
+    parts
+}
+
+/// The model's triangles gathered by material, in the order of materials: what a loader of models would give.
 ///
 /// With `ambient_visibility`, vertex colours hold how much light reaches them, from the same [`LightVolume`] as that of
 /// points, so that a tree does not change its brightness as it becomes points; the volume is made here, which takes
 /// some 50 ms. Pass [`TreeData::is_shaded`](crate::asset::TreeData::is_shaded) of the points.
-pub fn near_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
+pub fn model_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
+    gather(model, &model.meshes, ambient_visibility)
+}
+
+/// The mesh without the empty parts of its leaf cards, if it has cards.
+fn cut_to_leaves(model: &SourceModel, mesh: &SourceMesh) -> Option<SourceMesh> {
+    if std::env::var_os("TL_NO_CUT").is_some() {
+        return None;
+    }
+    let material = model.materials.get(mesh.material)?;
+    let SourceAlpha::Mask(cut_off) = material.alpha else { return None };
+    let texture = material.base_color_texture.as_ref()?;
+    let image = model.images.get(texture.image)?;
+    cut_cards(mesh, texture, image, cut_off / material.base_color.w.max(1e-3))
+}
+
+/// The triangles of `meshes` by material. The light is that of the model.
+fn gather(
+    model: &SourceModel,
+    meshes: &[SourceMesh],
+    ambient_visibility: bool,
+) -> Vec<NearMeshSource> {
     let middle = model.bounds().center();
     let light = ambient_visibility.then(|| LightVolume::of_model(model, &|_| ()));
     let parts = model.materials.iter().enumerate().filter_map(|(index, material)| {
-        let meshes: Vec<_> = model
-            .meshes
-            .iter()
-            .filter(|m| m.material == index && !m.triangles.is_empty())
-            .collect();
+        let meshes: Vec<_> =
+            meshes.iter().filter(|m| m.material == index && !m.triangles.is_empty()).collect();
         meshes.first()?;
         let textured =
             material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());
@@ -154,6 +211,17 @@ fn texture(model: &SourceModel, material: &SourceMaterial) -> Option<Image> {
         ..ImageSamplerDescriptor::linear()
     });
     Some(image)
+}
+
+/// Not for textures that ask for single texels.
+fn add_mip_levels(image: &mut Image, cut_off: Option<f32>) {
+    let is_filtered = matches!(&image.sampler, ImageSampler::Descriptor(sampler) if sampler.min_filter == ImageFilterMode::Linear);
+    let (size, Some(texels)) = (image.texture_descriptor.size, &image.data) else { return };
+    if is_filtered {
+        let chain = mip_chain(size.width, size.height, texels, cut_off);
+        image.texture_descriptor.mip_level_count = chain.levels;
+        image.data = Some(chain.rgba8);
+    }
 }
 
 /// Gives the parts handles, by whatever means the caller has.
