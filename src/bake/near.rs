@@ -2,8 +2,6 @@
 
 use super::cards::cut_cards;
 use super::lighting::LightVolume;
-use super::mip_chain::mip_chain;
-use super::outside_first::outside_first;
 use super::source::{
     SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceWrap,
 };
@@ -35,38 +33,16 @@ pub struct NearMeshSource {
     pub half_extents: Vec3,
 }
 
-impl NearMeshSource {
-    /// The least alpha of its texture that is drawn, if alpha cuts something out.
-    fn alpha_cut_off(&self) -> Option<f32> {
-        match self.material.alpha_mode {
-            AlphaMode::Mask(cut_off) => Some(cut_off / self.material.base_color.alpha().max(1e-3)),
-            _ => None,
-        }
-    }
-}
-
-/// What is drawn of a model near the camera, and looks like [`model_mesh_sources`] for less: leaf cards are cut to their leaves, triangles lie
-/// from the outside in, and textures have mip levels.
+/// What is drawn of a model near the camera. Looks like [`model_mesh_sources`] and costs less: leaf cards are cut to the outlines of their leaves, and
+/// materials have the lighting pass of near meshes.
+///
+/// Parameters and order are those of [`model_mesh_sources`].
 pub fn near_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
-    let refine = |mesh: &SourceMesh| {
-        let mut mesh = cut_to_leaves(model, mesh).unwrap_or_else(|| mesh.clone());
-        if std::env::var_os("TL_NO_ORDER").is_none() {
-            outside_first(&mesh.positions, &mut mesh.triangles);
-        }
-        mesh
-    };
+    let refine = |mesh: &SourceMesh| cut_to_leaves(model, mesh).unwrap_or_else(|| mesh.clone());
     let meshes: Vec<SourceMesh> = model.meshes.par_iter().map(refine).collect();
     let mut parts = gather(model, &meshes, ambient_visibility);
     for part in &mut parts {
-        if std::env::var_os("TL_NO_LIT").is_none() {
         part.material.deferred_lighting_pass_id = NEAR_LIGHTING_PASS;
-        }
-        let cut_off = part.alpha_cut_off();
-        if let Some(texture) = &mut part.texture
-            && std::env::var_os("TL_NO_MIPS").is_none()
-        {
-            add_mip_levels(texture, cut_off);
-        }
     }
     parts
 }
@@ -82,9 +58,6 @@ pub fn model_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<
 
 /// The mesh without the empty parts of its leaf cards, if it has cards.
 fn cut_to_leaves(model: &SourceModel, mesh: &SourceMesh) -> Option<SourceMesh> {
-    if std::env::var_os("TL_NO_CUT").is_some() {
-        return None;
-    }
     let material = model.materials.get(mesh.material)?;
     let SourceAlpha::Mask(cut_off) = material.alpha else { return None };
     let texture = material.base_color_texture.as_ref()?;
@@ -211,17 +184,6 @@ fn texture(model: &SourceModel, material: &SourceMaterial) -> Option<Image> {
         ..ImageSamplerDescriptor::linear()
     });
     Some(image)
-}
-
-/// Not for textures that ask for single texels.
-fn add_mip_levels(image: &mut Image, cut_off: Option<f32>) {
-    let is_filtered = matches!(&image.sampler, ImageSampler::Descriptor(sampler) if sampler.min_filter == ImageFilterMode::Linear);
-    let (size, Some(texels)) = (image.texture_descriptor.size, &image.data) else { return };
-    if is_filtered {
-        let chain = mip_chain(size.width, size.height, texels, cut_off);
-        image.texture_descriptor.mip_level_count = chain.levels;
-        image.data = Some(chain.rgba8);
-    }
 }
 
 /// Gives the parts handles, by whatever means the caller has.

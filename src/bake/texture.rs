@@ -9,7 +9,7 @@ use std::ops::{Add, Mul};
 use std::sync::LazyLock;
 
 /// Linear light of each sRGB byte.
-pub(super) static LINEAR_OF_SRGB: LazyLock<[f32; 256]> =
+static LINEAR_OF_SRGB: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|byte| srgb8_to_linear(byte as u8)));
 
 /// Linear base colour and alpha at a place of a triangle; `barycentric` holds the weights of its corners.

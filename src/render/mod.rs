@@ -86,11 +86,7 @@ impl Plugin for TreelineRenderPlugin {
             )
             .add_systems(
                 ExtractSchedule,
-                (
-                    extract::extract_trees,
-                    near::extract_near_mesh_parts,
-                    temporal::extract_temporal,
-                ),
+                (extract::extract_trees, near::extract_near_mesh_parts, temporal::extract_temporal),
             )
             .add_systems(
                 Render,

@@ -26,8 +26,8 @@ use bevy::{
 };
 
 /// What Bevy's deferred lighting adds to light, and the shader has no code for.
-const OTHER_EFFECTS: MeshPipelineKey =
-    MeshPipelineKey::SCREEN_SPACE_AMBIENT_OCCLUSION.union(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
+const OTHER_EFFECTS: MeshPipelineKey = MeshPipelineKey::SCREEN_SPACE_AMBIENT_OCCLUSION
+    .union(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
 
 /// Pipelines for views without lamps, and what all draws share.
 #[derive(Resource)]

@@ -34,7 +34,6 @@ pub(in crate::render) fn leave_forward_pass(
             properties.prepass_enabled && properties.render_method == OpaqueRendererMethod::Deferred
         })
     };
-    if std::env::var_os("TL_TWICE").is_some() { return; }
     for view in &views {
         let Some(phase) = phases.get_mut(&view.retained_view_entity) else { continue };
         parts.0.iter().filter(is_deferred).for_each(|part| phase.remove(*part));
