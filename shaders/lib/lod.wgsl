@@ -23,9 +23,16 @@ fn d_zero(s: f32, z0: f32) -> f32 {
     return s * z0;
 }
 
+const FULL_POINTS: f32 = 4096.0;
+const LEAST_SHARE: f32 = 0.25;
+
+fn thinned(n: f32) -> f32 {
+    return n * clamp(sqrt(n / FULL_POINTS), LEAST_SHARE, 1.0);
+}
+
 fn prefix_count(n0: f32, s: f32, z0: f32, d: f32, quality: f32) -> f32 {
     let ratio = d_zero(s, z0) / max(d, 1e-6);
-    return min(n0 * quality * ratio * ratio, n0);
+    return min(thinned(n0 * quality * ratio * ratio), n0);
 }
 
 fn round_count(wanted: f32, hash: f32) -> u32 {
@@ -64,14 +71,20 @@ fn view_scale(quality: f32, pixels_per_unit: f32, d: f32) -> f32 {
     return quality * pixels * pixels;
 }
 
-// Factors of 1, 2, 4 … points, column by column.
-fn area_factor(factors: mat4x4<f32>, n: f32) -> f32 {
-    var table = factors;
-    let octave = clamp(log2(n), 0.0, 15.0);
+// Where a number of points stands in a table of factors of 1, 2, 4 … points, a matrix column by column. Whoever has the
+// table reads two numbers of it, and not all.
+struct Octave {
+    // Column and row of the number of points below, and of twice that.
+    below: vec2<u32>,
+    above: vec2<u32>,
+    share: f32,
+}
+
+fn octave_of(n: f32) -> Octave {
+    let octave = clamp(log2(max(n, 1.0)), 0.0, 15.0);
     let below = min(u32(octave), 14u);
-    let low = table[below >> 2u][below & 3u];
-    let high = table[(below + 1u) >> 2u][(below + 1u) & 3u];
-    return low + (high - low) * (octave - f32(below));
+    let above = below + 1u;
+    return Octave(vec2(below >> 2u, below & 3u), vec2(above >> 2u, above & 3u), octave - f32(below));
 }
 
 // What leaves grow by for their size alone.
@@ -145,6 +158,11 @@ fn window_start(count: u32, total: u32, turn: u32) -> u32 {
         return (((slot + 1u) * total) >> bits) - count;
     }
     return (slot * total) >> bits;
+}
+
+// A sample of a grove, of which a word holds two: rank of the point, and place of the tree in its block << 8.
+fn grove_sample(word: u32, index: u32) -> u32 {
+    return (word >> ((index & 1u) * 16u)) & 0xffffu;
 }
 
 // The point that a sample of a grove of rank `rank` shows: trees of a grove have few points, and windows (`window` as in

@@ -12,12 +12,12 @@
 #ifdef TREELINE_SUNLIGHT
 #import bevy_treeline::sunlight::sunlight
 #endif
-#import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::lod::{OF_GROVE, grove_point, prefix_count}
+#import bevy_treeline::instance::{TreeInstance, rotate, rotation_of, species_of, tint_of, tree_instance}
+#import bevy_treeline::lod::{OF_GROVE, grove_point, grove_sample, octave_of, prefix_count}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
-#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
+#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeLook, TreePlace, WorkItem}
 
-@group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
+@group(2) @binding(0) var<storage, read> looks: array<TreeLook>;
 @group(2) @binding(1) var<storage, read> items: array<WorkItem>;
 @group(2) @binding(2) var<storage, read> surfels_hot: array<SurfelHot>;
 @group(2) @binding(3) var<storage, read> surfels_cold: array<SurfelCold>;
@@ -27,7 +27,8 @@
 @group(2) @binding(6) var<storage, read> species: array<Species>;
 // Samples of groves: rank of the point | place of the tree in its block << 24.
 @group(2) @binding(7) var<storage, read> samples: array<u32>;
-@group(2) @binding(8) var<uniform> settings: SelectSettings;
+@group(2) @binding(8) var<storage, read> places: array<TreePlace>;
+@group(2) @binding(9) var<uniform> settings: SelectSettings;
 
 #ifdef TREELINE_FOG
 #import bevy_pbr::mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT
@@ -70,14 +71,10 @@ fn points_deserved(instance: TreeInstance, rotation: vec4<f32>, kind_index: u32)
     return prefix_count(f32(species[kind_index].point_count), s, settings.pixels_per_unit, d, settings.quality);
 }
 
-// Twin of `area_factor`, on the other table. Reads two numbers of it.
+// Twin of `area_factor`, on the other table.
 fn light_of_few(kind_index: u32, n: f32) -> f32 {
-    let octave = clamp(log2(max(n, 1.0)), 0.0, 15.0);
-    let below = min(u32(octave), 14u);
-    let above = below + 1u;
-    let low = species[kind_index].light_factors[below >> 2u][below & 3u];
-    let high = species[kind_index].light_factors[above >> 2u][above & 3u];
-    return low + (high - low) * (octave - f32(below));
+    let octave = octave_of(n);
+    return mix(species[kind_index].light_factors[octave.below.x][octave.below.y], species[kind_index].light_factors[octave.above.x][octave.above.y], octave.share);
 }
 
 // Colour of what a sample holds (payload, depth bits; a payload of 0 may not come here). `center`: of the sample, in pixels
@@ -87,20 +84,20 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
     var point = item.first_point + ((texel.x - 1u) & 63u);
     var instance_index = item.instance;
     if (item.count & OF_GROVE) != 0u {
-        let sample = samples[point];
-        instance_index += sample >> 24u;
-        let kind = species[species_of(instances[instance_index])];
-        point = kind.first_point + grove_point(sample & 0xffffffu, (item.count >> 8u) & 0xffu, kind.point_count);
+        let sample = grove_sample(samples[point >> 1u], point);
+        instance_index += sample >> 8u;
+        let kind = species[species_of(looks[instance_index])];
+        point = kind.first_point + grove_point(sample & 0xffu, (item.count >> 8u) & 0xffu, kind.point_count);
     }
-    let instance = instances[instance_index];
-    let kind_index = species_of(instance);
+    let instance = tree_instance(places[instance_index], looks[instance_index]);
+    let kind_index = species_of(instance.look);
     let cold = surfels_cold[point];
-    let rotation = rotation_of(instance);
+    let rotation = rotation_of(instance.look);
     let depth = bitcast<f32>(texel.y);
 
     let ndc = center / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     let position = view.world_from_clip * vec4(ndc, depth, 1.0);
-    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance.look);
     let is_lit = (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u;
     if is_lit {
         // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of

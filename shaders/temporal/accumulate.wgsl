@@ -83,6 +83,13 @@ fn sample_history(at: vec2<f32>) -> vec3<f32> {
     return max(sum.rgb / sum.w, vec3(0.0));
 }
 
+// How far, in pixels, what is sampled at the centre of a pixel lies from it in a picture without jitter.
+fn jitter_shift() -> vec2<f32> {
+    let center = view.world_from_clip * vec4(0.0, 0.0, 0.5, 1.0);
+    let unjittered = view.unjittered_clip_from_world * (center / center.w);
+    return unjittered.xy / unjittered.w * vec2(0.5, -0.5) * view.viewport.zw;
+}
+
 @fragment
 fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     let pixel = vec2<i32>(frag_coord.xy);
@@ -97,6 +104,7 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     var low_color = vec3(1e9);
     var high_color = vec3(0.0);
     var filtered = vec4(0.0);
+    let shift = jitter_shift();
     var nearest = pixel;
     var depth_low = 1e9;
     var depth_high = -1.0;
@@ -106,7 +114,10 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
             let rgb = compress(textureLoad(frame, at, 0).rgb);
             low_color = min(low_color, rgb);
             high_color = max(high_color, rgb);
-            filtered += vec4(rgb, 1.0) * exp(-FILTER_FALL * f32(x * x + y * y));
+            // Around where the pixel lies without jitter (Karis 2014, "High quality temporal supersampling"): a frame that
+            // counts alone, or nearly, would tremble with the jitter otherwise.
+            let away = vec2(f32(x), f32(y)) + shift;
+            filtered += vec4(rgb, 1.0) * exp(-FILTER_FALL * dot(away, away));
             let color = ycocg_from_rgb(rgb);
             mean += color / 9.0;
             square += color * color / 9.0;
@@ -126,6 +137,10 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     if settings.reset != 0u {
         return out;
     }
+    // What was not seen before has no frames to average but this one: it counts with its surroundings.
+    let smooth_now = filtered.rgb / filtered.w;
+    out.color = vec4(expand(smooth_now), original.a);
+    out.history = vec4(smooth_now, 1.0);
     // Motion of the nearest, so that outlines move with what they outline.
     let motion = textureLoad(motion_vectors, nearest, 0).xy * view.viewport.zw;
     let before = frag_coord.xy - motion;
@@ -159,7 +174,7 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     if is_moving {
         past = sample_history(before);
         // There are few frames to average, so each counts with its surroundings.
-        present = filtered.rgb / filtered.w;
+        present = smooth_now;
     } else {
         past = textureLoad(history, pixel, 0).rgb;
     }
