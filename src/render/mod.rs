@@ -29,7 +29,10 @@ use bevy::{
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
         deferred::node::late_deferred_prepass,
     },
-    pbr::{MeshPipelineSystems, deferred::deferred_lighting},
+    pbr::{
+        MeshPipelineSystems,
+        deferred::{deferred_lighting, init_deferred_lighting_layout},
+    },
     prelude::*,
     render::{
         ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
@@ -80,7 +83,7 @@ impl Plugin for TreelineRenderPlugin {
                     resolve::init_classify_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
                     prepass::init_prepass_pipeline,
-                    near::init_near_light,
+                    near::init_near_light.after(init_deferred_lighting_layout),
                     temporal::init_accumulate_pipeline,
                 ),
             )

@@ -34,20 +34,28 @@ const OTHER_EFFECTS: MeshPipelineKey = MeshPipelineKey::SCREEN_SPACE_AMBIENT_OCC
 pub(in crate::render) struct NearLightPipelines {
     shader: Handle<Shader>,
     pass_id: UniformBuffer<PbrDeferredLightingDepthId>,
+    /// Of what holds the pass id.
+    layout: BindGroupLayoutDescriptor,
     known: HashMap<(MeshPipelineKey, Sunlight), CachedRenderPipelineId>,
 }
 
+/// Nothing without Bevy's deferred lighting.
 pub(in crate::render) fn init_near_light(
     mut commands: Commands,
+    bevys: Option<Res<DeferredLightingLayout>>,
     asset_server: Res<AssetServer>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
+    let Some(bevys) = bevys else { return };
+    // The field is private; the group is the last of every key's pipeline.
+    let Some(layout) = bevys.specialize(MeshPipelineKey::NONE).layout.pop() else { return };
     let mut pass_id = UniformBuffer::from(PbrDeferredLightingDepthId::new(NEAR_LIGHTING_PASS));
     pass_id.set_label(Some("treeline_near_lighting_pass"));
     pass_id.write_buffer(&device, &queue);
     let shader = asset_server.load(shaders::LIGHT_NEAR);
-    commands.insert_resource(NearLightPipelines { shader, pass_id, known: HashMap::default() });
+    let known = HashMap::default();
+    commands.insert_resource(NearLightPipelines { shader, pass_id, layout, known });
 }
 
 /// On deferred views: how near meshes are lit where there are no lamps.
@@ -104,21 +112,17 @@ pub(in crate::render) fn light_near(
     view: ViewQuery<LitView>,
     parts: Res<NearMeshParts>,
     pipelines: Option<Res<NearLightPipelines>>,
-    bevys: Res<DeferredLightingLayout>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (mesh_view, target, pass_ids, bevy_pipeline, sunlit) = view.into_inner();
-    let Some(pass_id) = pipelines.as_ref().and_then(|pipelines| pipelines.pass_id.binding()) else {
-        return;
-    };
+    let Some(pipelines) = pipelines.filter(|_| !parts.0.is_empty()) else { return };
     let sunlit = sunlit.and_then(|SunlitNear(id)| cache.get_render_pipeline(*id));
     let pipeline = sunlit.or_else(|| cache.get_render_pipeline(bevy_pipeline.pipeline_id));
-    let Some(pipeline) = pipeline.filter(|_| !parts.0.is_empty()) else { return };
-    let layout = bevys.specialize(MeshPipelineKey::NONE).layout[2].clone();
+    let (Some(pipeline), Some(pass_id)) = (pipeline, pipelines.pass_id.binding()) else { return };
     let group = ctx.render_device().create_bind_group(
         "treeline_light_near",
-        &cache.get_bind_group_layout(&layout),
+        &cache.get_bind_group_layout(&pipelines.layout),
         &BindGroupEntries::single(pass_id),
     );
     let diagnostics = ctx.diagnostic_recorder();
