@@ -126,11 +126,6 @@ pub fn embed(app: &mut App) {
         return;
     };
     for (path, source) in ALL {
-        let hacked = std::env::var("TREELINE_SHADERS")
-            .ok()
-            .and_then(|d| std::fs::read_to_string(format!("{d}/{path}")).ok());
-        let hacked: &'static str = hacked.map_or(*source, |s| s.leak());
-        let source = &hacked;
         registry.insert_asset(
             // Only read by Bevy's `embedded_watcher` feature, for hot reloading.
             PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders")).join(path),
