@@ -5,8 +5,8 @@
 #import bevy_treeline::hash::mix_bits
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points, window_start}
-#import bevy_treeline::select_bindings::{WAS_PARTLY_HIDDEN, WORKGROUP, block_index, item_count, settings}
-#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeLook, ViewBlock}
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, WAS_PARTLY_HIDDEN, WORKGROUP, block_index, counters, item_count, settings}
+#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeLook, ViewBlock, WorkItem}
 
 @group(1) @binding(0) var<storage, read_write> runs: array<Run>;
 @group(1) @binding(1) var<storage, read> clusters: array<Cluster>;
@@ -14,6 +14,7 @@
 @group(1) @binding(3) var<storage, read> species: array<Species>;
 @group(1) @binding(4) var<storage, read> looks: array<TreeLook>;
 @group(1) @binding(5) var<storage, read> draws: array<TreeDraw>;
+@group(1) @binding(6) var<storage, read_write> items: array<WorkItem>;
 
 var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
 var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
@@ -66,6 +67,8 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         lane_items[lane] += before.y;
         workgroupBarrier();
     }
+    let first_item = atomicLoad(&counters.first_item);
+    let fitting = atomicLoad(&counters.phase_items);
     var run = atomicLoad(&view_blocks[index].runs) + lane_runs[lane] - own.x;
     var item = atomicLoad(&view_blocks[index].items) + lane_items[lane] - own.y;
     for (var left = mask; left != 0u; left &= left - 1u) {
@@ -81,7 +84,12 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         // Each tree at another turn, so that frames do not differ as a whole.
         let start = select(0u, window_start(points, size, settings.window + (mix_bits(instance) & 7u)), settings.window > 0u);
         runs[run] = Run(item, instance, clusters[cluster].first_point + start, points, draws[slot].radius);
+        // Tells each workgroup of `expand_items` the run of its first item, where it will write that item.
+        let end = item + item_count(points);
+        for (var head = item_count(item) * POINTS_PER_ITEM; head < min(end, fitting); head += POINTS_PER_ITEM) {
+            items[first_item + head].instance = run;
+        }
         run += 1u;
-        item += item_count(points);
+        item = end;
     }
 }

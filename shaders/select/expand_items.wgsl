@@ -1,6 +1,7 @@
 // Cuts runs into work items of up to 64 points, and says of each how its points come to the screen.
 //
-// One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
+// One thread per item, which finds its run by bisection: among all of groves, or among the 64 from the one that `emit_runs` has
+// found for the workgroup, since every run has an item. O(items log 64). CPU twin: src/forest/select.rs.
 #import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, settings, view}
 #import bevy_treeline::lod::OF_GROVE
 #import bevy_treeline::splat_item::{GROVE_UNIT, splat_item}
@@ -23,17 +24,21 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     if lane == 0u {
         atomicStore(&group_points, 0u);
     }
-    workgroupBarrier();
-    let k = block_index(group, groups) * POINTS_PER_ITEM + lane;
+    let first = block_index(group, groups) * POINTS_PER_ITEM;
+    let k = first + lane;
     let tree_items = atomicLoad(&counters.phase_items);
     let grove_items = atomicLoad(&counters.phase_grove_items);
+    let head = items[min(atomicLoad(&counters.first_item) + first, settings.item_capacity - 1u)].instance;
+    // Read by all before the first writes its item there.
+    storageBarrier();
+    workgroupBarrier();
     if k < tree_items + grove_items {
         let of_grove = k >= tree_items;
         let place = select(k, k - tree_items, of_grove);
         // The last run whose first item is not after the place.
-        let first_run = select(0u, settings.first_grove_run, of_grove);
-        var low = first_run;
-        var high = first_run + select(atomicLoad(&counters.phase_runs), atomicLoad(&counters.phase_grove_runs), of_grove);
+        var low = select(head, settings.first_grove_run, of_grove);
+        let tree_end = min(head + POINTS_PER_ITEM, atomicLoad(&counters.phase_runs));
+        var high = select(tree_end, settings.first_grove_run + atomicLoad(&counters.phase_grove_runs), of_grove);
         while high - low > 1u {
             let middle = (low + high) / 2u;
             let is_after = runs[middle].first_item > place;
@@ -43,20 +48,20 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         let run = runs[low];
         let skipped = (place - run.first_item) * POINTS_PER_ITEM;
         let count = min(run.points - skipped, POINTS_PER_ITEM);
-        let first = run.first_point + skipped;
+        let first_point = run.first_point + skipped;
         let grove_index = settings.item_capacity - 1u - atomicLoad(&counters.first_grove_item) - place;
         let index = select(atomicLoad(&counters.first_item) + place, grove_index, of_grove);
         if of_grove {
             let first_instance = instance_blocks[run.instance].first_instance;
-            items[index] = WorkItem(first_instance, first, count | (settings.window << 8u) | OF_GROVE, 0.0);
-            splat_items[index].first_point = first;
+            items[index] = WorkItem(first_instance, first_point, count | (settings.window << 8u) | OF_GROVE, 0.0);
+            splat_items[index].first_point = first_point;
             splat_items[index].area = instance_blocks[run.instance].fade_begin;
             splat_items[index].leaf_overlap = instance_blocks[run.instance].fade_end;
             splat_items[index].count_flags = count | ((first_instance / GROVE_UNIT) << 8u);
         } else {
             let instance = tree_instance(places[run.instance], looks[run.instance]);
-            items[index] = WorkItem(run.instance, first, count, run.radius);
-            splat_items[index] = splat_item(view.view_from_world, instance, species[species_of(instance.look)], first, count, run.radius, settings.overlap_gain, settings.splat_shape);
+            items[index] = WorkItem(run.instance, first_point, count, run.radius);
+            splat_items[index] = splat_item(view.view_from_world, instance, species[species_of(instance.look)], first_point, count, run.radius, settings.overlap_gain, settings.splat_shape);
         }
         atomicAdd(&group_points, count);
     }

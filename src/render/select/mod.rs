@@ -136,6 +136,7 @@ const PASSES: [Pass; PASS_COUNT] = [
             (Bound::Species, false),
             (Bound::Looks, false),
             (Bound::Draws, false),
+            (Bound::Items, true),
         ],
         size: Size::Indirect(offset_of!(GpuIndirectArgs, cull)),
     },
