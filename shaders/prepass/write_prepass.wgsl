@@ -22,7 +22,7 @@
 @group(1) @binding(4) var<storage, read> surfels_hot: array<SurfelHot>;
 @group(1) @binding(5) var<storage, read> surfels_cold: array<SurfelCold>;
 @group(1) @binding(6) var<storage, read> species: array<Species>;
-// Samples of groves: rank of the point | place of the tree in its block << 24.
+// Samples of groves, two a word: `grove_sample`.
 @group(1) @binding(7) var<storage, read> samples: array<u32>;
 #endif
 

@@ -25,7 +25,7 @@
 @group(2) @binding(4) var<storage, read> visibility: array<vec2<u32>>;
 @group(2) @binding(5) var<storage, read> blocks: array<u32>;
 @group(2) @binding(6) var<storage, read> species: array<Species>;
-// Samples of groves: rank of the point | place of the tree in its block << 24.
+// Samples of groves, two a word: `grove_sample`.
 @group(2) @binding(7) var<storage, read> samples: array<u32>;
 @group(2) @binding(8) var<storage, read> places: array<TreePlace>;
 @group(2) @binding(9) var<uniform> settings: SelectSettings;

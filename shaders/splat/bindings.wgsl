@@ -12,7 +12,7 @@
 @group(0) @binding(4) var<storage, read> looks: array<TreeLook>;
 @group(0) @binding(5) var<storage, read> splat_items: array<SplatItem>;
 @group(0) @binding(6) var<storage, read> surfels_hot: array<SurfelHot>;
-// Samples of groves, two a word.
+// Samples of groves, two a word: `grove_sample`.
 @group(0) @binding(7) var<storage, read> samples: array<u32>;
 @group(0) @binding(8) var<storage, read_write> counters: Counters;
 

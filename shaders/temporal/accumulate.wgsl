@@ -27,6 +27,9 @@ const REST: f32 = 0.02;
 // Standard deviations by which the past may differ in motion: leaves of one pixel at many depths each move their own way, and
 // what a wrong motion brings along is cut off here (measured: 0.75 to 1.5 are alike, 3 leaves streaks).
 const CLIP_IN_MOTION: f32 = 1.0;
+// Pixels by which the motions around a pixel may differ from the one that carries its past: there that past is of another
+// place, and this frame counts alone (measured: 0.15 to 1 are alike, 1 is best).
+const SPREAD: f32 = 1.0;
 // Fall of the filter over the pixels around, per squared pixel, that stands for a frame in motion.
 const FILTER_FALL: f32 = 2.3;
 
@@ -106,6 +109,8 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     var filtered = vec4(0.0);
     let shift = jitter_shift();
     var nearest = pixel;
+    // Sum of the motions of what is there, and how many they are. The sky has none.
+    var motions = vec3(0.0);
     var depth_low = 1e9;
     var depth_high = -1.0;
     for (var y = -1; y <= 1; y++) {
@@ -123,6 +128,7 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
             square += color * color / 9.0;
             let depth = textureLoad(frame_depth, at, 0);
             depth_low = min(depth_low, depth);
+            motions += select(vec3(0.0), vec3(textureLoad(motion_vectors, at, 0).xy, 1.0), depth > 0.0);
             if depth > depth_high {
                 depth_high = depth;
                 nearest = at;
@@ -189,7 +195,10 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
         past = clamp(past, low_color, high_color);
     }
 
-    let limit = select(settings.frames_at_rest, settings.frames_in_motion, is_moving);
+    // Leaves at many depths each move their own way: the more they differ, the less is known of the past.
+    let spread = select(0.0, length(motions.xy / max(motions.z, 1.0) * view.viewport.zw - motion), motions.z > 0.0);
+    let in_motion = mix(settings.frames_in_motion, 1.0, saturate(spread / SPREAD));
+    let limit = select(settings.frames_at_rest, in_motion, is_moving);
     let frames = min(textureLoad(history, source, 0).a + 1.0, limit);
     let average = max(mix(past, present, 1.0 / frames), vec3(0.0));
     out.history = vec4(average, frames);
