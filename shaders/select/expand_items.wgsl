@@ -1,7 +1,8 @@
 // Cuts runs into work items of up to 64 points, and says of each how its points come to the screen.
 //
-// One thread per item, which finds its run by bisection: among all of groves, or among the 64 from the one that `emit_runs` has
-// found for the workgroup, since every run has an item. O(items log 64). CPU twin: src/forest/select.rs.
+// One thread per item, which finds its run by bisection. Those of trees are one of the 64 runs that begin with the one that
+// `emit_runs` has found for the workgroup's first item, since every run has an item; of groves there are few.
+// O(items log 64). CPU twin: src/forest/select.rs.
 #import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, settings, view}
 #import bevy_treeline::lod::OF_GROVE
 #import bevy_treeline::splat_item::{GROVE_UNIT, splat_item}
@@ -17,21 +18,21 @@
 @group(1) @binding(6) var<storage, read> instance_blocks: array<InstanceBlock>;
 
 var<workgroup> group_points: atomic<u32>;
+// That of the workgroup's first item, if that is a tree's.
+var<workgroup> head: u32;
 
 @compute @workgroup_size(#{POINTS_PER_ITEM})
 fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    // Workgroup memory is not cleared for us.
+    let first = block_index(group, groups) * POINTS_PER_ITEM;
+    // Workgroup memory is not cleared for us. The thread that reads the head here is the one that writes an item over it.
     if lane == 0u {
         atomicStore(&group_points, 0u);
+        head = items[min(atomicLoad(&counters.first_item) + first, settings.item_capacity - 1u)].instance;
     }
-    let first = block_index(group, groups) * POINTS_PER_ITEM;
+    workgroupBarrier();
     let k = first + lane;
     let tree_items = atomicLoad(&counters.phase_items);
     let grove_items = atomicLoad(&counters.phase_grove_items);
-    let head = items[min(atomicLoad(&counters.first_item) + first, settings.item_capacity - 1u)].instance;
-    // Read by all before the first writes its item there.
-    storageBarrier();
-    workgroupBarrier();
     if k < tree_items + grove_items {
         let of_grove = k >= tree_items;
         let place = select(k, k - tree_items, of_grove);
