@@ -62,13 +62,16 @@ pub(in crate::render) fn init_near_light(
 #[derive(Component)]
 pub(in crate::render) struct SunlitNear(CachedRenderPipelineId);
 
+/// Lights with a place (Bevy extracts spot lights as point lights).
+type Lamps = Or<(With<ExtractedPointLight>, With<ExtractedRectLight>)>;
+
 #[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
 pub(in crate::render) fn specialize_near_light(
     mut commands: Commands,
     views: Query<(Entity, &ExtractedView), With<DeferredPrepass>>,
     view_keys: Res<ViewKeyCache>,
     suns: Query<&ExtractedDirectionalLight>,
-    lamps: Query<(), Or<(With<ExtractedPointLight>, With<ExtractedRectLight>)>>,
+    lamps: Query<(), Lamps>,
     bevys: Option<Res<DeferredLightingLayout>>,
     pipelines: Option<ResMut<NearLightPipelines>>,
     cache: Res<PipelineCache>,
