@@ -1,8 +1,11 @@
-// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size,window}.rs, statement for statement.
+// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size,thinning,window}.rs, statement for statement.
 #define_import_path bevy_treeline::lod
 
 const PI: f32 = 3.14159265;
 const CLOSED_OVERLAP: f32 = 2.0;
+const FACTORS_LAST: f32 = 31.0;
+// As EACH in src/lod/thinning.rs.
+const FACTORS_EACH: f32 = 12.0;
 const GROVE_WINDOW: u32 = 64u;
 // Bit of WorkItem.count: samples of a grove instead of points of a tree; its window stands above bit 8.
 const OF_GROVE: u32 = 0x80000000u;
@@ -64,14 +67,25 @@ fn view_scale(quality: f32, pixels_per_unit: f32, d: f32) -> f32 {
     return quality * pixels * pixels;
 }
 
-// Factors of 1, 2, 4 … points, column by column.
-fn area_factor(factors: mat4x4<f32>, n: f32) -> f32 {
+// Where `n` of `n0` points stand in a table of factors.
+fn factor_place(n: f32, n0: f32) -> f32 {
+    let octaves = log2(max(n0 / FACTORS_EACH, 2.0));
+    let many = FACTORS_EACH - 1.0 + (FACTORS_LAST + 1.0 - FACTORS_EACH) * log2(max(n, 1.0) / FACTORS_EACH) / octaves;
+    return min(select(many, max(n, 1.0) - 1.0, n <= FACTORS_EACH), FACTORS_LAST);
+}
+
+// A number of a table, out of its word: two share one.
+fn factor_at(word: u32, step: u32) -> f32 {
+    return f32((word >> (16u * (step & 1u))) & 0xffffu) / 16384.0;
+}
+
+fn factor_of(factors: array<u32, 16>, n: f32, n0: f32) -> f32 {
     var table = factors;
-    let octave = clamp(log2(n), 0.0, 15.0);
-    let below = min(u32(octave), 14u);
-    let low = table[below >> 2u][below & 3u];
-    let high = table[(below + 1u) >> 2u][(below + 1u) & 3u];
-    return low + (high - low) * (octave - f32(below));
+    let place = factor_place(n, n0);
+    let below = min(u32(place), u32(FACTORS_LAST) - 1u);
+    let low = factor_at(table[below >> 1u], below);
+    let high = factor_at(table[(below + 1u) >> 1u], below + 1u);
+    return low + (high - low) * (place - f32(below));
 }
 
 // What leaves grow by for their size alone.

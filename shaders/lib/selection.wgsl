@@ -3,7 +3,7 @@
 
 #import bevy_treeline::hash::unit_from_bits
 #import bevy_treeline::instance::{has_mesh, hash_of, seed_of}
-#import bevy_treeline::lod::{area_factor, d_zero, disc_radius, fade_band, fade_state, prefix_count, range_share, round_count}
+#import bevy_treeline::lod::{d_zero, disc_radius, factor_of, fade_band, fade_state, prefix_count, range_share, round_count}
 #import bevy_treeline::types::{SelectSettings, Species, TreeInstance}
 
 struct Wanted {
@@ -20,7 +20,7 @@ struct Wanted {
 fn wanted_points(settings: SelectSettings, instance: TreeInstance, kind: Species, d: f32, fade_begin: f32, fade_end: f32) -> Wanted {
     let s = kind.pixel * instance.scale;
     let n = prefix_count(f32(kind.point_count), s, settings.pixels_per_unit, d, settings.quality);
-    let area = kind.surface_area * instance.scale * instance.scale * area_factor(kind.area_factors, n);
+    let area = kind.surface_area * instance.scale * instance.scale * factor_of(kind.area_factors, n, f32(kind.point_count));
     var found = Wanted(0u, disc_radius(area, n), false, false);
     var points = n;
     if settings.orthographic == 0u {

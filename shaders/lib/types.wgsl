@@ -25,8 +25,8 @@ struct Species {
     first_cluster: u32,
     level_count: u32,
     pad: vec2<u32>,
-    area_factors: mat4x4<f32>,
-    light_factors: mat4x4<f32>,
+    area_factors: array<u32, 16>,
+    light_factors: array<u32, 16>,
 }
 
 struct Cluster {

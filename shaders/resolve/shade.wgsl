@@ -13,7 +13,7 @@
 #import bevy_treeline::sunlight::sunlight
 #endif
 #import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::lod::{OF_GROVE, grove_point, prefix_count}
+#import bevy_treeline::lod::{FACTORS_LAST, OF_GROVE, factor_at, factor_place, grove_point, prefix_count}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
 
@@ -70,14 +70,13 @@ fn points_deserved(instance: TreeInstance, rotation: vec4<f32>, kind_index: u32)
     return prefix_count(f32(species[kind_index].point_count), s, settings.pixels_per_unit, d, settings.quality);
 }
 
-// Twin of `area_factor`, on the other table. Reads two numbers of it.
+// As `factor_of`, on the other table. Reads two words of it.
 fn light_of_few(kind_index: u32, n: f32) -> f32 {
-    let octave = clamp(log2(max(n, 1.0)), 0.0, 15.0);
-    let below = min(u32(octave), 14u);
-    let above = below + 1u;
-    let low = species[kind_index].light_factors[below >> 2u][below & 3u];
-    let high = species[kind_index].light_factors[above >> 2u][above & 3u];
-    return low + (high - low) * (octave - f32(below));
+    let place = factor_place(n, f32(species[kind_index].point_count));
+    let below = min(u32(place), u32(FACTORS_LAST) - 1u);
+    let low = factor_at(species[kind_index].light_factors[below >> 1u], below);
+    let high = factor_at(species[kind_index].light_factors[(below + 1u) >> 1u], below + 1u);
+    return low + (high - low) * (place - f32(below));
 }
 
 // Colour of what a sample holds (payload, depth bits; a payload of 0 may not come here). `center`: of the sample, in pixels

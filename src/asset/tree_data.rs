@@ -2,7 +2,7 @@
 
 use super::surfel::{Surfel, SurfelCold, SurfelHot};
 use super::thinning::{Thinning, thinning};
-use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
+use crate::{lod::thinning::FACTOR_STEPS, math::bounding::Aabb};
 use serde::{Deserialize, Serialize};
 
 /// Most points of one tree: a half (hot or cold) of this many takes 1 GiB.
@@ -87,11 +87,11 @@ pub struct TreeData {
     pub surface_area: f32,
     /// Mean area of a leaf in square model units: `L` of the area rule; 0 if there are no leaves.
     pub mean_leaf_area: f32,
-    /// Factor on `A` for 1, 2, 4 … points, with which so few cover what the tree covers. Follows from the points: files do not
-    /// keep it, and [`TreeData::with_factors`] finds it.
-    pub area_factors: [f32; AREA_OCTAVES],
-    /// Factor on the colour for 1, 2, 4 … points, with which so few are as bright as the tree. Found with the area factors.
-    pub light_factors: [f32; AREA_OCTAVES],
+    /// Factors on `A` of one point to all, with which so many cover what the tree covers (`lod::thinning`). They follow from
+    /// the points: files do not keep them, and [`TreeData::with_factors`] finds them.
+    pub area_factors: [f32; FACTOR_STEPS],
+    /// Factors on the colour, with which so many are as bright as the tree. Found with the area factors.
+    pub light_factors: [f32; FACTOR_STEPS],
     /// Half of the points read by the splat pass, in progressive order: every prefix is a level of detail.
     pub hot: Vec<SurfelHot>,
     /// The other half, read by the resolve pass: same length, same order.

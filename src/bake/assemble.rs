@@ -9,7 +9,7 @@ use super::{
     surfels,
 };
 use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData};
-use crate::lod::splat_size::AREA_OCTAVES;
+use crate::lod::thinning::FACTOR_STEPS;
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -265,8 +265,8 @@ fn bake(
         pixel: viewports[0].pixel,
         surface_area,
         mean_leaf_area: model.mean_leaf_area(),
-        area_factors: [1.0; AREA_OCTAVES],
-        light_factors: [1.0; AREA_OCTAVES],
+        area_factors: [1.0; FACTOR_STEPS],
+        light_factors: [1.0; FACTOR_STEPS],
         hot,
         cold,
         source: None,

@@ -44,10 +44,10 @@ gpu_types! {
         pub level_count: u32,
         /// Zero.
         pub pad: [u32; 2],
-        /// Factor on `A` for 1, 2, 4 … points.
-        pub area_factors: [[f32; 4]; 4],
-        /// Factor on the colour for 1, 2, 4 … points.
-        pub light_factors: [[f32; 4]; 4],
+        /// Factors on `A` of one point to all (`lod::thinning::pack_factors`).
+        pub area_factors: [u32; 16],
+        /// Factors on the colour.
+        pub light_factors: [u32; 16],
     }
 
     /// Neighbouring points of a species: a list of its own in the surfel pool.

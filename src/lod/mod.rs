@@ -10,4 +10,5 @@ pub mod fade;
 pub mod governor;
 pub mod prefix_count;
 pub mod splat_size;
+pub mod thinning;
 pub mod window;

@@ -7,7 +7,7 @@ use crate::{
     asset::{SurfelCold, SurfelHot, TreeAsset, TreeClusters, TreeData},
     forest::SpeciesShape,
     gpu::types::{GpuCluster, GpuSpecies, SPECIES_NOT_RESIDENT},
-    lod::splat_size::disc_radius,
+    lod::{splat_size::disc_radius, thinning::pack_factors},
     render::extract::ExtractedTrees,
 };
 use bevy::{
@@ -116,8 +116,8 @@ fn gpu_species(
         first_cluster,
         level_count,
         pad: [0; 2],
-        area_factors: bytemuck::cast(tree.area_factors),
-        light_factors: bytemuck::cast(tree.light_factors),
+        area_factors: pack_factors(&tree.area_factors),
+        light_factors: pack_factors(&tree.light_factors),
     }
 }
 
