@@ -33,6 +33,8 @@ shader_files! {
     SURFEL = "lib/surfel.wgsl",
     /// Twin of `lod`.
     LOD = "lib/lod.wgsl",
+    /// Twin of `lod::contrast`.
+    CONTRAST = "lib/contrast.wgsl",
     /// Twin of `forest::TreeInstance`.
     INSTANCE = "lib/instance.wgsl",
     /// Twin of `forest::select_instance`.
@@ -126,7 +128,7 @@ pub fn embed(app: &mut App) {
             // Only read by Bevy's `embedded_watcher` feature, for hot reloading.
             PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders")).join(path),
             &Path::new(concat!(env!("CARGO_PKG_NAME"), "/shaders")).join(path),
-            source.as_bytes(),
+            std::env::var("TREELINE_SHADERS").ok().map_or(source.as_bytes().to_vec(), |d| std::fs::read(Path::new(&d).join(path)).unwrap()),
         );
     }
 }

@@ -24,7 +24,7 @@ struct Species {
     sample_share: f32,
     first_cluster: u32,
     level_count: u32,
-    pad: vec2<u32>,
+    seen_mean: vec2<u32>,
     area_factors: array<u32, 16>,
     light_factors: array<u32, 16>,
 }
@@ -116,7 +116,7 @@ struct SelectSettings {
     previous_valid: u32,
     pyramid_previous: u32,
     pyramid_current: u32,
-    pad: u32,
+    contrast: f32,
     first_grove_run: u32,
     window: u32,
     samples_per_side: u32,

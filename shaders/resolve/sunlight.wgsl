@@ -12,8 +12,17 @@
 #import bevy_pbr::pbr_functions::{calculate_F0, calculate_F0_dielectric, calculate_diffuse_color}
 #import bevy_pbr::pbr_types::PbrInput
 #import bevy_pbr::shadows
+#ifdef TREELINE_CONTRAST
+#import bevy_treeline::contrast::mean_shade
+#import bevy_treeline::lod::PI
+#endif
 
+#ifdef TREELINE_CONTRAST
+// `own`: share of a point's own light; the rest is the mean of leaves of any direction, times `shade`.
+fn sunlight(in: PbrInput, own: f32, shade: f32) -> vec4<f32> {
+#else
 fn sunlight(in: PbrInput) -> vec4<f32> {
+#endif
     let base = in.material.base_color;
     let metallic = in.material.metallic;
     let perceptual_roughness = in.material.perceptual_roughness;
@@ -37,6 +46,11 @@ fn sunlight(in: PbrInput) -> vec4<f32> {
     var direct = vec3(0.0);
     for (var i = 0u; i < bindings::lights.n_directional_lights; i++) {
         var light = lighting::directional_light(i, &input, true);
+#ifdef TREELINE_CONTRAST
+        let sun = &bindings::lights.directional_lights[i];
+        let mean = diffuse_color / PI * (*sun).color.rgb * (shade * mean_shade(dot((*sun).direction_to_light, in.V)));
+        light = mix(mean, light, own);
+#endif
 #ifdef TREELINE_SUN_SHADOWS
         if (bindings::lights.directional_lights[i].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
             let view_z = (view.view_from_world * in.world_position).z;

@@ -19,7 +19,7 @@ use super::sections::{
     FLAG_OPTIONAL, Reader, Section, StoredSection, read_sections, write_sections,
 };
 use super::surfel::{SurfelCold, SurfelHot};
-use super::tree_data::{BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError};
+use super::tree_data::{BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError};
 use crate::{lod::thinning::FACTOR_STEPS, math::bounding::Aabb};
 use bevy::math::Vec3;
 use rayon::prelude::*;
@@ -104,6 +104,7 @@ pub fn decode(file: &[u8]) -> Result<TreeData, FormatError> {
         mean_leaf_area: head.mean_leaf_area,
         area_factors: [1.0; FACTOR_STEPS],
         light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: stat.source.into_owned(),

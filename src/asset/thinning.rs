@@ -9,12 +9,13 @@
 //! What they show is not the same either: the first points of the order lie anywhere in the crown, and the dark ones of its
 //! inside are seen as often as the others. So their colour gets a factor, with which the mean of what is seen stays.
 //!
-//! In: points in progressive order; out: two tables of factors ([`lod::thinning`](crate::lod::thinning)). By drawing prefixes from
+//! In: points in progressive order; out: two tables of factors ([`lod::thinning`](crate::lod::thinning)), and the mean of what is
+//! seen, for [`lod::contrast`](crate::lod::contrast). By drawing prefixes from
 //! some directions on a coarse grid, when a tree is baked or read. O(points).
 
 mod grid;
 
-use super::tree_data::TreeData;
+use super::tree_data::{SeenMean, TreeData};
 use crate::lod::thinning::{FACTOR_LIMIT, FACTOR_STEPS, factor_points, round_factor};
 use grid::{Element, Eyes, Seen};
 
@@ -44,11 +45,20 @@ pub struct Thinning {
     pub area: [f32; FACTOR_STEPS],
     /// On their colour.
     pub light: [f32; FACTOR_STEPS],
+    /// What all points show.
+    pub mean: SeenMean,
 }
 
-/// The factors of a tree. All 1 for a tree without area, or of more than could be.
+impl Default for Thinning {
+    fn default() -> Self {
+        let ones = [1.0; FACTOR_STEPS];
+        Self { area: ones, light: ones, mean: SeenMean::default() }
+    }
+}
+
+/// The factors of a tree, and what it shows on average. All 1 for a tree without area, or of more than could be.
 pub fn thinning(tree: &TreeData) -> Thinning {
-    let mut factors = Thinning { area: [1.0; FACTOR_STEPS], light: [1.0; FACTOR_STEPS] };
+    let mut factors = Thinning::default();
     let side = 4.0 * tree.bounds.radius();
     let is_possible = tree.surface_area <= MOST_AREA * side * side;
     if !is_possible {
@@ -64,6 +74,7 @@ pub fn thinning(tree: &TreeData) -> Thinning {
     if !shows_anything {
         return factors;
     }
+    factors.mean = eyes.mean(tree, &points);
     let last = FACTOR_STEPS - 1;
     let mut fitted = (last, Fit { area: 1.0, light: 1.0 });
     for step in (0..FACTOR_STEPS).rev() {
@@ -122,7 +133,13 @@ fn fit(wanted: Seen, start: f32, seen: impl Fn(f32) -> Seen) -> Fit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{asset::synthetic::synthetic_tree, lod::thinning::factor_of};
+    use crate::{
+        asset::{
+            surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED},
+            synthetic::synthetic_tree,
+        },
+        lod::thinning::factor_of,
+    };
 
     /// A crown of 20,000 points that hides most of itself.
     fn dense_tree() -> TreeData {
@@ -160,11 +177,27 @@ mod tests {
     fn a_tree_without_area_is_left_as_it_is() {
         let mut tree = synthetic_tree(100, 3);
         tree.surface_area = 0.0;
-        let ones = [1.0; FACTOR_STEPS];
-        assert_eq!(thinning(&tree), Thinning { area: ones, light: ones });
+        assert_eq!(thinning(&tree), Thinning::default());
         let single = thinning(&synthetic_tree(1, 3));
         assert!(single.area.iter().all(|f| (RANGE.0..=RANGE.1).contains(f)));
         assert!(single.light.iter().all(|f| (LIGHT_RANGE.0..=LIGHT_RANGE.1).contains(f)));
+    }
+
+    #[test]
+    fn the_mean_of_what_is_seen_is_that_of_the_points() {
+        let mut tree = dense_tree();
+        for i in 0..tree.point_count() {
+            let mut point = tree.surfel(i).expect("it is a point");
+            (point.albedo, point.ambient_visibility) = ([188, 255, 0], 255);
+            // Leaves of any direction: their back is seen as often as their front.
+            point.flags = SURFEL_LEAF | SURFEL_TWO_SIDED;
+            point.normal = point.face_normal;
+            (tree.hot[i], tree.cold[i]) = point.pack(&tree.bounds);
+        }
+        let mean = thinning(&tree).mean;
+        let expected = [0.502, 1.0, 0.0];
+        assert!(mean.color.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.01), "{mean:?}");
+        assert!((0.8..1.2).contains(&mean.shade), "{mean:?}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::{
     source::{self, SourceError, SourceModel},
     surfels,
 };
-use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData};
+use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData};
 use crate::lod::thinning::FACTOR_STEPS;
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};
@@ -267,6 +267,7 @@ fn bake(
         mean_leaf_area: model.mean_leaf_area(),
         area_factors: [1.0; FACTOR_STEPS],
         light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: None,

@@ -42,8 +42,8 @@ gpu_types! {
         pub first_cluster: u32,
         /// Levels of clusters, 1 to 3.
         pub level_count: u32,
-        /// Zero.
-        pub pad: [u32; 2],
+        /// Mean of what is seen of it (`pack_seen_mean`).
+        pub seen_mean: [u32; 2],
         /// Factors on `A` of one point to all (`lod::thinning::pack_factors`).
         pub area_factors: [u32; 16],
         /// Factors on the colour.
@@ -218,8 +218,8 @@ gpu_types! {
         pub pyramid_previous: u32,
         /// Place of the first texel of this frame's.
         pub pyramid_current: u32,
-        /// Zero.
-        pub pad: u32,
+        /// Strength of the contrast correction, 0 to 1.
+        pub contrast: f32,
         /// Place of the first run of a grove in the list of runs.
         pub first_grove_run: u32,
         /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.

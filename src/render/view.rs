@@ -408,7 +408,7 @@ pub(super) fn prepare_views(
             previous_valid: u32::from(previous.is_some()),
             pyramid_previous: (1 - buffers.pyramid_half) * texels,
             pyramid_current: buffers.pyramid_half * texels,
-            pad: 0,
+            contrast: settings.contrast,
             first_grove_run: item_capacity,
             window: buffers.next_window(settings.temporal, jitter.is_some()),
             samples_per_side: if settings.samples > 1 { 2 } else { 1 },

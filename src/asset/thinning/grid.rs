@@ -2,10 +2,13 @@
 
 use crate::{
     asset::{
-        surfel::{SURFEL_KEEPS_NORMAL, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, light_factor},
-        tree_data::TreeData,
+        surfel::{SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, light_factor},
+        tree_data::{SeenMean, TreeData},
     },
-    lod::splat_size::{OVERLAP_GAIN, disc_radius, leaf_overlap, overlap},
+    lod::{
+        contrast::mean_shade,
+        splat_size::{OVERLAP_GAIN, disc_radius, leaf_overlap, overlap},
+    },
     math::quantize::srgb8_to_linear,
 };
 use bevy::math::{Mat3, Vec2, Vec3};
@@ -31,34 +34,48 @@ pub struct Element {
     face: Vec3,
     one_sided: bool,
     thickness: u8,
+    is_leaf: bool,
+    /// Colour in light of 1, linear: with the shade of its tree.
+    color: Vec3,
+    /// Shading normals of its front and of its back.
+    normals: [Vec3; 2],
     /// Luminance of its front and of its back.
     light: [f32; 2],
 }
 
+/// Towards each sun.
+fn suns() -> impl Iterator<Item = Vec3> {
+    (0..SUNS).map(|i| {
+        let (sin, cos) = (i as f32 * 2.0 * PI / SUNS as f32).sin_cos();
+        Vec3::new(cos * SUN_HEIGHT.1, SUN_HEIGHT.0, sin * SUN_HEIGHT.1)
+    })
+}
+
+fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
 impl Element {
     pub fn of(point: &Surfel) -> Self {
-        let [r, g, b] = point.albedo.map(srgb8_to_linear);
-        let albedo = 0.2126 * r + 0.7152 * g + 0.0722 * b;
         let has = |flag: u8| point.flags & flag != 0;
-        let lit = |normal: Vec3| {
-            if has(SURFEL_UNLIT) {
-                return albedo;
-            }
-            let sun = |i: usize| {
-                let (sin, cos) = (i as f32 * 2.0 * PI / SUNS as f32).sin_cos();
-                let toward = Vec3::new(cos * SUN_HEIGHT.1, SUN_HEIGHT.0, sin * SUN_HEIGHT.1);
-                normal.dot(toward).max(0.0)
-            };
-            let suns = (0..SUNS).map(sun).sum::<f32>() / SUNS as f32;
-            albedo * light_factor(f32::from(point.ambient_visibility) / 255.0) * (SKY_LIGHT + suns)
-        };
+        let albedo = Vec3::from(point.albedo.map(srgb8_to_linear));
+        let shade = light_factor(f32::from(point.ambient_visibility) / 255.0);
+        let color = if has(SURFEL_UNLIT) { albedo } else { albedo * shade };
         let back = if has(SURFEL_KEEPS_NORMAL) { point.normal } else { -point.normal };
+        let normals = [point.normal, back];
+        let light = normals.map(|normal| {
+            let lit = suns().map(|sun| normal.dot(sun).max(0.0)).sum::<f32>() / SUNS as f32;
+            luminance(color) * if has(SURFEL_UNLIT) { 1.0 } else { SKY_LIGHT + lit }
+        });
         Self {
             position: point.position,
             face: point.face_normal,
             one_sided: !has(SURFEL_TWO_SIDED),
             thickness: point.thickness,
-            light: [lit(point.normal), lit(back)],
+            is_leaf: has(SURFEL_LEAF) && !has(SURFEL_UNLIT),
+            color,
+            normals,
+            light,
         }
     }
 }
@@ -129,25 +146,61 @@ impl Eyes {
     }
 
     fn seen(self, tree: &TreeData, points: &[Element], size: Size) -> Seen {
+        let sums = self.sums(tree, points, size, |shown, _| [1.0, shown.element.light[shown.side]]);
+        Seen { covered: sums[0], light: sums[1] }
+    }
+
+    /// The means of what all points show, for [`SeenMean`].
+    pub fn mean(self, tree: &TreeData, points: &[Element]) -> SeenMean {
+        let radius = disc_radius(tree.surface_area, points.len() as f32);
+        let size = Size { radius, gain: None };
+        let sums = self.sums(tree, points, size, |shown, to_eye| {
+            let Element { color, normals, is_leaf, .. } = shown.element;
+            let light = if *is_leaf { luminance(*color) } else { 0.0 };
+            let lit = suns().map(|sun| normals[shown.side].dot(sun).max(0.0)).sum::<f32>();
+            let of_any = suns().map(|sun| mean_shade(sun.dot(to_eye))).sum::<f32>();
+            [color.x, color.y, color.z, 1.0, light * lit, light * of_any]
+        });
+        let [r, g, b, covered, lit, of_any] = sums;
+        let color = [r, g, b].map(|sum| sum / covered.max(1.0));
+        let shade = if of_any > 0.0 { (lit / of_any).clamp(0.0, 2.0) } else { 1.0 };
+        SeenMean { color, shade }
+    }
+
+    /// Sums over all samples of all directions; `of` also gets the way to the eye.
+    fn sums<const N: usize>(
+        self,
+        tree: &TreeData,
+        points: &[Element],
+        size: Size,
+        of: impl Fn(Shown, Vec3) -> [f32; N] + Sync,
+    ) -> [f32; N] {
         if !(size.radius > 0.0 && size.radius.is_finite()) {
-            return Seen::default();
+            return [0.0; N];
         }
+        let add = |sum: [f32; N], more: [f32; N]| std::array::from_fn(|i| sum[i] + more[i]);
         let from_direction = |direction: usize| {
             let mut grid = Grid::new(tree, direction, self.grid);
-            points.iter().for_each(|point| grid.draw(tree, point, size));
-            let covered = grid.samples.iter().filter(|sample| sample.depth > f32::NEG_INFINITY);
-            covered.fold(Seen::default(), |seen, sample| Seen {
-                covered: seen.covered + 1.0,
-                light: seen.light + sample.luminance,
-            })
+            (0u32..).zip(points).for_each(|(index, point)| grid.draw(tree, index, point, size));
+            let to_eye = grid.view_from_model.transpose() * Vec3::Z;
+            let shown = grid.samples.iter().filter(|sample| sample.depth > f32::NEG_INFINITY);
+            let shown = shown.map(|sample| Shown {
+                element: &points[(sample.point >> 1) as usize],
+                side: (sample.point & 1) as usize,
+            });
+            shown.fold([0.0; N], |sum, shown| add(sum, of(shown, to_eye)))
         };
         // In the order of directions: sums of floats depend on it.
-        let all: Vec<Seen> = (0..self.directions).into_par_iter().map(from_direction).collect();
-        all.iter().fold(Seen::default(), |sum, seen| Seen {
-            covered: sum.covered + seen.covered,
-            light: sum.light + seen.light,
-        })
+        let all: Vec<[f32; N]> = (0..self.directions).into_par_iter().map(from_direction).collect();
+        all.into_iter().fold([0.0; N], add)
     }
+}
+
+/// What a sample shows.
+struct Shown<'a> {
+    element: &'a Element,
+    /// 0: its front.
+    side: usize,
 }
 
 /// Twin of `EDGE_ON` in `shaders/splat/project.wgsl`.
@@ -158,7 +211,8 @@ const EDGE_ON: f32 = 0.015;
 struct Sample {
     /// Towards the eye; minus infinity for none.
     depth: f32,
-    luminance: f32,
+    /// Index of the point << 1 | whether its back is seen.
+    point: u32,
 }
 
 /// What is covered, seen from one direction in parallel projection.
@@ -177,7 +231,7 @@ impl Grid {
         let azimuth = direction as f32 * AZIMUTH_STEP;
         let elevation = ELEVATIONS[direction % ELEVATIONS.len()];
         Self {
-            samples: vec![Sample { depth: f32::NEG_INFINITY, luminance: 0.0 }; side * side],
+            samples: vec![Sample { depth: f32::NEG_INFINITY, point: 0 }; side * side],
             view_from_model: Mat3::from_rotation_x(elevation) * Mat3::from_rotation_y(azimuth),
             center: tree.bounds.center(),
             samples_per_unit: side as f32 / (4.0 * tree.bounds.radius().max(f32::MIN_POSITIVE)),
@@ -186,7 +240,7 @@ impl Grid {
     }
 
     /// Draws a splat: as `project` and `covers` of `shaders/splat/project.wgsl` do.
-    fn draw(&mut self, tree: &TreeData, point: &Element, Size { radius, gain }: Size) {
+    fn draw(&mut self, tree: &TreeData, index: u32, point: &Element, Size { radius, gain }: Size) {
         let face = point.face;
         let toward = (self.view_from_model * face).z;
         if toward.abs() < EDGE_ON || (toward < 0.0 && point.one_sided) {
@@ -217,8 +271,7 @@ impl Grid {
         let center = on_grid(point.position - self.center) + self.side as f32 * 0.5;
         let (right, up) = (on_grid(right), on_grid(up));
         let depth = (self.view_from_model * point.position).z;
-        let luminance = point.light[usize::from(toward < 0.0)];
-        let sample = Sample { depth, luminance };
+        let sample = Sample { depth, point: index << 1 | u32::from(toward < 0.0) };
         self.fill(center, right, up, is_cell, sample);
     }
 

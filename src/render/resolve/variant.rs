@@ -15,6 +15,8 @@ pub(in crate::render) struct ResolveKey {
     pub debug_view: DebugView,
     pub draw: ResolveDraw,
     pub sunlight: Option<Sunlight>,
+    /// Colours are moved towards the mean of their tree.
+    pub contrast: bool,
 }
 
 /// Light that comes from directional and ambient lights alone: the shader then has no code for others.
@@ -89,6 +91,9 @@ impl ResolveKey {
             if sunlight.shadows {
                 defs.push("TREELINE_SUN_SHADOWS".into());
             }
+        }
+        if self.contrast {
+            defs.push("TREELINE_CONTRAST".into());
         }
         if self.debug_view != DebugView::Off {
             let view = self.debug_view as u32;
