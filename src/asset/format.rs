@@ -19,7 +19,9 @@ use super::sections::{
     FLAG_OPTIONAL, Reader, Section, StoredSection, read_sections, write_sections,
 };
 use super::surfel::{SurfelCold, SurfelHot};
-use super::tree_data::{BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError};
+use super::tree_data::{
+    BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError,
+};
 use crate::{lod::thinning::FACTOR_STEPS, math::bounding::Aabb};
 use bevy::math::Vec3;
 use rayon::prelude::*;

@@ -2,7 +2,7 @@
 //! peeling does, in random order. The same for the same seed.
 
 use super::surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, Surfel};
-use super::tree_data::{BakeSeconds, BakeStatistics, SourceReference, SeenMean, TreeData};
+use super::tree_data::{BakeSeconds, BakeStatistics, SeenMean, SourceReference, TreeData};
 use crate::lod::thinning::FACTOR_STEPS;
 use crate::math::{bounding::Aabb, hash::SplitMix64};
 use bevy::math::Vec3;

@@ -79,7 +79,7 @@ pub struct BakeStatistics {
 /// What is seen of a tree on average: towards it the contrast correction moves colours ([`lod::contrast`](crate::lod::contrast)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenMean {
-    /// Colour in light of 1, linear: albedo with the shade of the tree itself.
+    /// Colour in light of 1, linear: albedo with the shade of the tree itself; what is lit counts more.
     pub color: [f32; 3],
     /// How bright leaves are beside leaves of any direction
     /// ([`mean_shade`](crate::lod::contrast::mean_shade)), 0 to 2.

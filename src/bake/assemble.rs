@@ -8,7 +8,9 @@ use super::{
     source::{self, SourceError, SourceModel},
     surfels,
 };
-use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData};
+use crate::asset::{
+    BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData,
+};
 use crate::lod::thinning::FACTOR_STEPS;
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};

@@ -2,7 +2,9 @@
 
 use crate::{
     asset::{
-        surfel::{SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, light_factor},
+        surfel::{
+            SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, light_factor,
+        },
         tree_data::{SeenMean, TreeData},
     },
     lod::{
@@ -35,6 +37,7 @@ pub struct Element {
     one_sided: bool,
     thickness: u8,
     is_leaf: bool,
+    is_lit: bool,
     /// Colour in light of 1, linear: with the shade of its tree.
     color: Vec3,
     /// Shading normals of its front and of its back.
@@ -73,6 +76,7 @@ impl Element {
             one_sided: !has(SURFEL_TWO_SIDED),
             thickness: point.thickness,
             is_leaf: has(SURFEL_LEAF) && !has(SURFEL_UNLIT),
+            is_lit: !has(SURFEL_UNLIT),
             color,
             normals,
             light,
@@ -155,14 +159,17 @@ impl Eyes {
         let radius = disc_radius(tree.surface_area, points.len() as f32);
         let size = Size { radius, gain: None };
         let sums = self.sums(tree, points, size, |shown, to_eye| {
-            let Element { color, normals, is_leaf, .. } = shown.element;
-            let light = if *is_leaf { luminance(*color) } else { 0.0 };
+            let Element { color, normals, is_leaf, is_lit, .. } = shown.element;
             let lit = suns().map(|sun| normals[shown.side].dot(sun).max(0.0)).sum::<f32>();
             let of_any = suns().map(|sun| mean_shade(sun.dot(to_eye))).sum::<f32>();
-            [color.x, color.y, color.z, 1.0, light * lit, light * of_any]
+            // Colours count by their light, so that the mean is as bright as what it stands for.
+            let weight = if *is_lit { SKY_LIGHT + lit / SUNS as f32 } else { 0.0 };
+            let leaf = if *is_leaf { 1.0 } else { 0.0 };
+            let [r, g, b] = (*color * weight).to_array();
+            [r, g, b, weight, leaf * lit, leaf * of_any]
         });
-        let [r, g, b, covered, lit, of_any] = sums;
-        let color = [r, g, b].map(|sum| sum / covered.max(1.0));
+        let [r, g, b, weight, lit, of_any] = sums;
+        let color = [r, g, b].map(|sum| if weight > 0.0 { sum / weight } else { 1.0 });
         let shade = if of_any > 0.0 { (lit / of_any).clamp(0.0, 2.0) } else { 1.0 };
         SeenMean { color, shade }
     }
