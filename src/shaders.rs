@@ -35,8 +35,6 @@ shader_files! {
     LOD = "lib/lod.wgsl",
     /// Twin of `lod::contrast`.
     CONTRAST = "lib/contrast.wgsl",
-    /// Twin of `lod::contrast`.
-    CONTRAST = "lib/contrast.wgsl",
     /// Twin of `forest::TreeInstance`.
     INSTANCE = "lib/instance.wgsl",
     /// Twin of `forest::select_instance`.

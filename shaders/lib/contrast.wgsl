@@ -3,6 +3,8 @@
 
 #import bevy_treeline::lod::PI
 
+const LOST_BY_DISPLAY: f32 = 0.12;
+
 fn leaves_in_pixel(leaf_area: f32, unit: f32) -> f32 {
     return select(1.0, 1.0 + unit * unit / max(0.5 * leaf_area, 1e-20), leaf_area > 0.0);
 }
@@ -13,6 +15,10 @@ fn contrast_factor(leaves: f32, samples: f32) -> f32 {
 
 fn own_share(factor: f32, strength: f32) -> f32 {
     return 1.0 - strength * (1.0 - factor);
+}
+
+fn averaged_after_display(own: f32) -> f32 {
+    return 1.0 - LOST_BY_DISPLAY * (1.0 - own * own);
 }
 
 fn mean_shade(cos_angle: f32) -> f32 {

@@ -13,7 +13,7 @@
 #import bevy_treeline::sunlight::sunlight
 #endif
 #ifdef TREELINE_CONTRAST
-#import bevy_treeline::contrast::{contrast_factor, leaves_in_pixel, own_share, unpack_seen_mean}
+#import bevy_treeline::contrast::{averaged_after_display, contrast_factor, leaves_in_pixel, own_share, unpack_seen_mean}
 #endif
 #import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
 #import bevy_treeline::lod::{FACTORS_LAST, OF_GROVE, WINDOW_CYCLE, factor_at, factor_place, grove_point, prefix_count}
@@ -127,7 +127,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         // the crossfade.
         albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
 #ifdef TREELINE_CONTRAST
-        albedo = mix(seen_mean.rgb * tint_of(instance), albedo, own);
+        albedo = mix(seen_mean.rgb * tint_of(instance), albedo, own) * averaged_after_display(own);
 #endif
         albedo *= light_of_few(kind_index, points_deserved(instance, rotation, kind_index));
     }

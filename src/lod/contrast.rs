@@ -31,6 +31,18 @@ pub fn own_share(factor: f32, strength: f32) -> f32 {
     1.0 - strength * (1.0 - factor)
 }
 
+/// What the colours of a tree are multiplied by where they keep the share `own` of themselves.
+///
+/// Pictures are averages of what is displayed. Curves of displays are concave, so that the average of displayed colours is
+/// darker than the display of their average, the more the wider they spread. For a curve `c^g` and colours of the relative
+/// variance `v` that `own` narrows, `(1 − g) / 2 · v · (1 − own²)` is lost.
+pub fn averaged_after_display(own: f32) -> f32 {
+    1.0 - LOST_BY_DISPLAY * (1.0 - own * own)
+}
+
+/// `(1 − g) / 2 · v` of lit leaves behind Bevy's default tone mapping, chosen so that the mean of pictures stays.
+const LOST_BY_DISPLAY: f32 = 0.12;
+
 /// Mean of `max(n · l, 0)` over leaves of any direction, as many of each, that show their lit or their unlit side: `cos_angle`
 /// is that between light and view. It is the phase function of a Lambertian sphere.
 pub fn mean_shade(cos_angle: f32) -> f32 {
