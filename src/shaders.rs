@@ -49,7 +49,7 @@ shader_files! {
     PEEL = "bake/peel.wgsl",
     /// Bindings of selection.
     SELECT_BINDINGS = "select/bindings.wgsl",
-    /// What is drawn of a tree.
+    /// Frustum and occlusion.
     CULLING = "select/culling.wgsl",
     /// Culls blocks of instances.
     CULL_BLOCKS = "select/cull_blocks.wgsl",
@@ -57,6 +57,10 @@ shader_files! {
     LIST_BLOCKS = "select/list_blocks.wgsl",
     /// Culls instances and counts their runs and items.
     CULL_INSTANCES = "select/cull_instances.wgsl",
+    /// Sizes what looks at near trees.
+    SIZE_CLUSTERS = "select/size_clusters.wgsl",
+    /// Culls the clusters of near trees.
+    CULL_CLUSTERS = "select/cull_clusters.wgsl",
     /// Scans the runs and items of blocks of instances.
     SCAN_BLOCKS = "select/scan_blocks.wgsl",
     /// Writes runs.
@@ -128,7 +132,7 @@ pub fn embed(app: &mut App) {
             // Only read by Bevy's `embedded_watcher` feature, for hot reloading.
             PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders")).join(path),
             &Path::new(concat!(env!("CARGO_PKG_NAME"), "/shaders")).join(path),
-            std::env::var("TREELINE_SHADERS").ok().map_or(source.as_bytes().to_vec(), |d| std::fs::read(Path::new(&d).join(path)).unwrap()),
+            source.as_bytes(),
         );
     }
 }

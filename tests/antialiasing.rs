@@ -70,6 +70,41 @@ fn four_samples_and_time_come_closer_to_the_truth() {
     assert!(time < 0.7 * plain, "over time: {time}, 1 sample: {plain}");
 }
 
+/// Flies to `place` in some frames, and takes the picture of the last.
+fn fly_to(
+    stage: &mut Stage,
+    camera: Entity,
+    image: &Handle<Image>,
+    place: Transform,
+    frames: u32,
+) -> RgbaImage {
+    for left in (1..frames).rev() {
+        let mut at = place;
+        at.translation.z += 0.3 * left as f32;
+        at.rotate_y(0.01 * left as f32);
+        stage.world().entity_mut(camera).insert(at);
+        stage.step(1);
+    }
+    stage.world().entity_mut(camera).insert(place);
+    stage.shoot(image, 1)
+}
+
+#[test]
+fn time_does_not_spoil_a_flight() {
+    let Some((mut stage, place)) = grove("time_does_not_spoil") else { return };
+    let truth = truth(&mut stage, place);
+    let (camera, image) = stage.view(SIZE, place);
+    stage.world().entity_mut(camera).insert(settings());
+    let plain = flip(&truth, &stage.shoot(&image, 4));
+    stage.world().entity_mut(camera).insert(TreelineTaa::default());
+    // Frames of different jitter: a picture that moves with it is far off in some.
+    for frames in [16, 17, 18, 19, 20] {
+        let time = flip(&truth, &fly_to(&mut stage, camera, &image, place, frames));
+        println!("FLIP: 1 sample {plain}, over time, in flight {time}");
+        assert!(time < 0.75 * plain, "in flight: {time}, 1 sample: {plain}");
+    }
+}
+
 #[test]
 fn windows_show_other_points_in_each_of_eight_frames_and_then_the_same() {
     let Some((mut stage, place)) = grove("windows_show_other_points") else { return };

@@ -122,8 +122,8 @@ fn tiles_that_had_to_wait_are_all_there_in_the_end() {
 #[test]
 fn a_budget_lets_forests_wait_for_their_turn() {
     let Some(mut stage) = Stage::new("a_budget", SplatPath::Auto) else { return };
-    // 250 trees take 8,000 bytes: two tiles a frame.
-    stage.world().insert_resource(UploadBudget { bytes_per_frame: Some(20_000) });
+    // 250 trees take 6,000 bytes: two tiles a frame.
+    stage.world().insert_resource(UploadBudget { bytes_per_frame: Some(15_000) });
     let species = species(&mut stage);
     let (camera, _) = stage.view(SIZE, camera_place());
     for x in 0..5 {

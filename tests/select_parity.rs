@@ -50,6 +50,8 @@ fn expect(stage: &Stage, camera: Entity, forest: Entity) -> Expected {
         .iter()
         .enumerate()
         .map(|(index, tree)| {
+            // Rotation and scale as the GPU has them.
+            let tree = TreeInstance::from_compact(&tree.compact());
             let nothing = PointDraw::default();
             let data = &*baked(SPECIES[usize::from(tree.species)]).data;
             let shape = SpeciesShape::from(data);

@@ -37,6 +37,8 @@ fn call_all(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = f32(w.x & 0xffffu) / 16.0;
     let n0 = 1.0 + f32(w.y & 0xfffffu);
     let share = unit_from_bits(w.x);
+    let place = factor_place(n, n0);
+    let words = factor_words(place);
     var table: array<u32, 16>;
     for (var i = 0u; i < 16u; i++) {
         table[i] = w.z ^ (i * 0x9e3779b9u);
@@ -47,7 +49,7 @@ fn call_all(@builtin(global_invocation_id) id: vec3<u32>) {
         surfel_ambient_visibility(w.w), f32(surfel_group(w.w)) + surfel_metallic(w.w), unit_from_bits(w.x), square.x, square.y,
         f32(bits.x), f32(bits.y), surfel_light_factor(surfel_ambient_visibility(w.w)),
         f32(window_start((w.x & 0xffffu) >> (w.w & 15u), 1u + (w.y & 0xffffffu), w.z)),
-        factor_place(n, n0), factor_of(table, n, n0), mean_shade(2.0 * share - 1.0),
+        place, factor_between(table[words.x], table[words.y], place), mean_shade(2.0 * share - 1.0),
         own_share(contrast_factor(leaves_in_pixel(0.01, 3.0 * share), 1.0 + f32(w.y & 7u)), 0.75),
     );
     for (var i = 0u; i < 28u; i++) {

@@ -26,9 +26,16 @@ fn d_zero(s: f32, z0: f32) -> f32 {
     return s * z0;
 }
 
+const FULL_POINTS: f32 = 4096.0;
+const LEAST_SHARE: f32 = 0.25;
+
+fn thinned(n: f32) -> f32 {
+    return n * clamp(sqrt(n / FULL_POINTS), LEAST_SHARE, 1.0);
+}
+
 fn prefix_count(n0: f32, s: f32, z0: f32, d: f32, quality: f32) -> f32 {
     let ratio = d_zero(s, z0) / max(d, 1e-6);
-    return min(n0 * quality * ratio * ratio, n0);
+    return min(thinned(n0 * quality * ratio * ratio), n0);
 }
 
 fn round_count(wanted: f32, hash: f32) -> u32 {
@@ -74,18 +81,25 @@ fn factor_place(n: f32, n0: f32) -> f32 {
     return min(select(many, max(n, 1.0) - 1.0, n <= FACTORS_EACH), FACTORS_LAST);
 }
 
-// A number of a table, out of its word: two share one.
+// Number of the factor below a place: it is between that and the next.
+fn factor_below(place: f32) -> u32 {
+    return min(u32(place), u32(FACTORS_LAST) - 1u);
+}
+
+// The words of a table with the factors below and above a place: two share one. Whoever has the table reads those, and not all.
+fn factor_words(place: f32) -> vec2<u32> {
+    let below = factor_below(place);
+    return vec2(below >> 1u, (below + 1u) >> 1u);
+}
+
 fn factor_at(word: u32, step: u32) -> f32 {
     return f32((word >> (16u * (step & 1u))) & 0xffffu) / 16384.0;
 }
 
-fn factor_of(factors: array<u32, 16>, n: f32, n0: f32) -> f32 {
-    var table = factors;
-    let place = factor_place(n, n0);
-    let below = min(u32(place), u32(FACTORS_LAST) - 1u);
-    let low = factor_at(table[below >> 1u], below);
-    let high = factor_at(table[(below + 1u) >> 1u], below + 1u);
-    return low + (high - low) * (place - f32(below));
+// The factor at a place, out of its words.
+fn factor_between(low: u32, high: u32, place: f32) -> f32 {
+    let below = factor_below(place);
+    return mix(factor_at(low, below), factor_at(high, below + 1u), place - f32(below));
 }
 
 // What leaves grow by for their size alone.
@@ -159,6 +173,11 @@ fn window_start(count: u32, total: u32, turn: u32) -> u32 {
         return (((slot + 1u) * total) >> bits) - count;
     }
     return (slot * total) >> bits;
+}
+
+// A sample of a grove, of which a word holds two: rank of the point, and place of the tree in its block << 8.
+fn grove_sample(word: u32, index: u32) -> u32 {
+    return (word >> ((index & 1u) * 16u)) & 0xffffu;
 }
 
 // The point that a sample of a grove of rank `rank` shows: trees of a grove have few points, and windows (`window` as in

@@ -1,7 +1,7 @@
 // Boxes against a depth pyramid. CPU twin: src/math/occlusion.rs.
 #define_import_path bevy_treeline::occlusion
 
-const PYRAMID_LEVELS: u32 = 4u;
+const PYRAMID_LEVELS: u32 = 5u;
 
 // A box on the screen.
 struct ScreenBox {
@@ -35,9 +35,9 @@ fn screen_box(corner: vec4<f32>, right: vec4<f32>, up: vec4<f32>, back: vec4<f32
     return found;
 }
 
-// Side of a texel of a level, in pixels: 8, 32, 128, 512.
+// Side of a texel of a level, in pixels: 4, 16, 64, 256, 1024.
 fn pyramid_side(level: u32) -> u32 {
-    return 8u << (2u * level);
+    return 4u << (2u * level);
 }
 
 // Texels of a level for a picture of `size` pixels.
@@ -52,10 +52,12 @@ fn pyramid_offset(size: vec2<u32>, level: u32) -> u32 {
     let first = pyramid_size(size, 0u);
     let second = pyramid_size(size, 1u);
     let third = pyramid_size(size, 2u);
-    return select(0u, first.x * first.y, level > 0u) + select(0u, second.x * second.y, level > 1u) + select(0u, third.x * third.y, level > 2u);
+    let fourth = pyramid_size(size, 3u);
+    let finer = select(0u, first.x * first.y, level > 0u) + select(0u, second.x * second.y, level > 1u);
+    return finer + select(0u, third.x * third.y, level > 2u) + select(0u, fourth.x * fourth.y, level > 3u);
 }
 
 // The finest level where `span` pixels meet at most five texels.
 fn pyramid_level(span: f32) -> u32 {
-    return select(0u, 1u, span > 32.0) + select(0u, 1u, span > 128.0) + select(0u, 1u, span > 512.0);
+    return select(0u, 1u, span > 16.0) + select(0u, 1u, span > 64.0) + select(0u, 1u, span > 256.0) + select(0u, 1u, span > 1024.0);
 }

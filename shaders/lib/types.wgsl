@@ -36,12 +36,16 @@ struct Cluster {
     count: u32,
 }
 
-struct TreeInstance {
-    position: vec3<f32>,
-    scale: f32,
-    rotation: vec2<u32>,
-    tint: u32,
-    species_seed_flags: u32,
+struct TreePlace {
+    x: f32,
+    y: f32,
+    z: f32,
+}
+
+struct TreeLook {
+    rotation: u32,
+    tint_seed: u32,
+    species_scale: u32,
 }
 
 struct InstanceBlock {
@@ -60,10 +64,18 @@ struct InstanceBlock {
 
 struct ViewBlock {
     block: u32,
+    first_instance: u32,
     state: u32,
-    runs: u32,
-    items: u32,
+    runs: atomic<u32>,
+    items: atomic<u32>,
     listed: u32,
+}
+
+struct TreeDraw {
+    count: u32,
+    radius: f32,
+    mask: u32,
+    near: u32,
 }
 
 struct Run {
@@ -116,10 +128,13 @@ struct SelectSettings {
     previous_valid: u32,
     pyramid_previous: u32,
     pyramid_current: u32,
-    contrast: f32,
+    listable_blocks: u32,
     first_grove_run: u32,
     window: u32,
     samples_per_side: u32,
+    contrast: f32,
+    pad: u32,
+    pad_pair: vec2<u32>,
 }
 
 struct Counters {
@@ -142,11 +157,14 @@ struct Counters {
     first_item: atomic<u32>,
     first_grove_item: atomic<u32>,
     second_points: atomic<u32>,
+    near_trees: atomic<u32>,
 }
 
 struct IndirectArgs {
     cull: vec3<u32>,
     pad: u32,
+    clusters: vec3<u32>,
+    pad_clusters: u32,
     expand: vec3<u32>,
     pad_expand: u32,
     splat: vec3<u32>,

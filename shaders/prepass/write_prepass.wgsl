@@ -7,9 +7,9 @@
 #import bevy_treeline::block_quad::block_corner
 #ifdef NORMAL_PREPASS
 #import bevy_treeline::instance::{rotate, rotation_of, species_of}
-#import bevy_treeline::lod::{OF_GROVE, grove_point}
+#import bevy_treeline::lod::{OF_GROVE, grove_point, grove_sample}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, surfel_face_normal, surfel_flags, surfel_normal}
-#import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
+#import bevy_treeline::types::{Species, SurfelCold, SurfelHot, TreeLook, WorkItem}
 #endif
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -17,12 +17,12 @@
 @group(1) @binding(0) var<storage, read> visibility: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read> blocks: array<u32>;
 #ifdef NORMAL_PREPASS
-@group(1) @binding(2) var<storage, read> instances: array<TreeInstance>;
+@group(1) @binding(2) var<storage, read> looks: array<TreeLook>;
 @group(1) @binding(3) var<storage, read> items: array<WorkItem>;
 @group(1) @binding(4) var<storage, read> surfels_hot: array<SurfelHot>;
 @group(1) @binding(5) var<storage, read> surfels_cold: array<SurfelCold>;
 @group(1) @binding(6) var<storage, read> species: array<Species>;
-// Samples of groves: rank of the point | place of the tree in its block << 24.
+// Samples of groves, two a word: `grove_sample`.
 @group(1) @binding(7) var<storage, read> samples: array<u32>;
 #endif
 
@@ -80,12 +80,12 @@ fn write_prepass(@builtin(position) frag_coord: vec4<f32>) -> Written {
     var point = item.first_point + ((texel.x - 1u) & 63u);
     var instance_index = item.instance;
     if (item.count & OF_GROVE) != 0u {
-        let sample = samples[point];
-        instance_index += sample >> 24u;
-        let kind = species[species_of(instances[instance_index])];
-        point = kind.first_point + grove_point(sample & 0xffffffu, (item.count >> 8u) & 0xffu, kind.point_count);
+        let sample = grove_sample(samples[point >> 1u], point);
+        instance_index += sample >> 8u;
+        let kind = species[species_of(looks[instance_index])];
+        point = kind.first_point + grove_point(sample & 0xffu, (item.count >> 8u) & 0xffu, kind.point_count);
     }
-    let rotation = rotation_of(instances[instance_index]);
+    let rotation = rotation_of(looks[instance_index]);
     let cold = surfels_cold[point];
     let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
     let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));

@@ -1,4 +1,4 @@
-// The depth pyramid, finest level: the farthest depth of each square of 8×8 pixels of the visibility buffer, which holds
+// The depth pyramid, finest level: the farthest depth of each square of 4×4 pixels of the visibility buffer, which holds
 // meshes and splats alike.
 //
 // One thread per texel. CPU twin: `pyramid` in src/math/occlusion.rs.

@@ -3,10 +3,10 @@
 
 #import bevy_pbr::mesh_view_bindings::view
 #import bevy_treeline::hash::unit_from_bits
-#import bevy_treeline::instance::{has_mesh, rotate, rotation_of, seed_of, tint_of}
+#import bevy_treeline::instance::{TreeInstance, has_mesh, rotate, rotation_of, seed_of, tint_of}
 #import bevy_treeline::lod::{OF_GROVE, PI, d_zero, fade_band, fade_state, prefix_count}
 #import bevy_treeline::surfel::{surfel_albedo, surfel_ambient_visibility}
-#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, TreeInstance, WorkItem}
+#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, WorkItem}
 
 
 // forest::DebugView.
@@ -46,11 +46,11 @@ fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species,
             return heat((2.0 + log2(pixel * pixel / area)) / 6.0);
         }
         case FADE_BAND: {
-            let center = instance.position + rotate(rotation_of(instance), tree.center * instance.scale);
+            let center = instance.position + rotate(rotation_of(instance.look), tree.center * instance.scale);
             let start = d_zero(tree.pixel * instance.scale, settings.pixels_per_unit);
-            let band = fade_band(start, settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, unit_from_bits(seed_of(instance)));
+            let band = fade_band(start, settings.min_mesh_distance, settings.fade_width, settings.fade_jitter, unit_from_bits(seed_of(instance.look)));
             let state = fade_state(band, distance(center, view.world_position));
-            let fades = has_mesh(instance) && !orthographic && state.mesh > 0.0;
+            let fades = has_mesh(instance.look) && !orthographic && state.mesh > 0.0;
             return select(vec3(0.0, 0.5, 0.0), vec3(1.0, 0.25, 0.0), fades);
         }
         case TILES: {
@@ -65,7 +65,7 @@ fn debug_color(kind: u32, item: WorkItem, instance: TreeInstance, tree: Species,
             return vec3(surfel_ambient_visibility(cold.albedo_b_misc));
         }
         default: {
-            return surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+            return surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance.look);
         }
     }
 }

@@ -15,12 +15,12 @@
 #ifdef TREELINE_CONTRAST
 #import bevy_treeline::contrast::{averaged_after_display, contrast_factor, leaves_in_pixel, own_share, unpack_seen_mean}
 #endif
-#import bevy_treeline::instance::{rotate, rotation_of, species_of, tint_of}
-#import bevy_treeline::lod::{FACTORS_LAST, OF_GROVE, WINDOW_CYCLE, factor_at, factor_place, grove_point, prefix_count}
+#import bevy_treeline::instance::{TreeInstance, rotate, rotation_of, species_of, tint_of, tree_instance}
+#import bevy_treeline::lod::{OF_GROVE, WINDOW_CYCLE, factor_between, factor_place, factor_words, grove_point, grove_sample, prefix_count}
 #import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
-#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeInstance, WorkItem}
+#import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeLook, TreePlace, WorkItem}
 
-@group(2) @binding(0) var<storage, read> instances: array<TreeInstance>;
+@group(2) @binding(0) var<storage, read> looks: array<TreeLook>;
 @group(2) @binding(1) var<storage, read> items: array<WorkItem>;
 @group(2) @binding(2) var<storage, read> surfels_hot: array<SurfelHot>;
 @group(2) @binding(3) var<storage, read> surfels_cold: array<SurfelCold>;
@@ -28,9 +28,10 @@
 @group(2) @binding(4) var<storage, read> visibility: array<vec2<u32>>;
 @group(2) @binding(5) var<storage, read> blocks: array<u32>;
 @group(2) @binding(6) var<storage, read> species: array<Species>;
-// Samples of groves: rank of the point | place of the tree in its block << 24.
+// Samples of groves, two a word: `grove_sample`.
 @group(2) @binding(7) var<storage, read> samples: array<u32>;
-@group(2) @binding(8) var<uniform> settings: SelectSettings;
+@group(2) @binding(8) var<storage, read> places: array<TreePlace>;
+@group(2) @binding(9) var<uniform> settings: SelectSettings;
 
 #ifdef TREELINE_FOG
 #import bevy_pbr::mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT
@@ -73,13 +74,11 @@ fn points_deserved(instance: TreeInstance, rotation: vec4<f32>, kind_index: u32)
     return prefix_count(f32(species[kind_index].point_count), s, settings.pixels_per_unit, d, settings.quality);
 }
 
-// As `factor_of`, on the other table. Reads two words of it.
+// The factor on the colour of a tree of `n` points. Twin of `factor_of`.
 fn light_of_few(kind_index: u32, n: f32) -> f32 {
     let place = factor_place(n, f32(species[kind_index].point_count));
-    let below = min(u32(place), u32(FACTORS_LAST) - 1u);
-    let low = factor_at(species[kind_index].light_factors[below >> 1u], below);
-    let high = factor_at(species[kind_index].light_factors[(below + 1u) >> 1u], below + 1u);
-    return low + (high - low) * (place - f32(below));
+    let words = factor_words(place);
+    return factor_between(species[kind_index].light_factors[words.x], species[kind_index].light_factors[words.y], place);
 }
 
 #ifdef TREELINE_CONTRAST
@@ -101,20 +100,20 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
     var point = item.first_point + ((texel.x - 1u) & 63u);
     var instance_index = item.instance;
     if (item.count & OF_GROVE) != 0u {
-        let sample = samples[point];
-        instance_index += sample >> 24u;
-        let kind = species[species_of(instances[instance_index])];
-        point = kind.first_point + grove_point(sample & 0xffffffu, (item.count >> 8u) & 0xffu, kind.point_count);
+        let sample = grove_sample(samples[point >> 1u], point);
+        instance_index += sample >> 8u;
+        let kind = species[species_of(looks[instance_index])];
+        point = kind.first_point + grove_point(sample & 0xffu, (item.count >> 8u) & 0xffu, kind.point_count);
     }
-    let instance = instances[instance_index];
-    let kind_index = species_of(instance);
+    let instance = tree_instance(places[instance_index], looks[instance_index]);
+    let kind_index = species_of(instance.look);
     let cold = surfels_cold[point];
-    let rotation = rotation_of(instance);
+    let rotation = rotation_of(instance.look);
     let depth = bitcast<f32>(texel.y);
 
     let ndc = center / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     let position = view.world_from_clip * vec4(ndc, depth, 1.0);
-    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance);
+    var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance.look);
     let flags = surfel_flags(cold.albedo_b_misc);
     let is_lit = (flags & SURFEL_UNLIT) == 0u;
 #ifdef TREELINE_CONTRAST
@@ -127,7 +126,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         // the crossfade.
         albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
 #ifdef TREELINE_CONTRAST
-        albedo = mix(seen_mean.rgb * tint_of(instance), albedo, own) * averaged_after_display(own);
+        albedo = mix(seen_mean.rgb * tint_of(instance.look), albedo, own) * averaged_after_display(own);
 #endif
         albedo *= light_of_few(kind_index, points_deserved(instance, rotation, kind_index));
     }

@@ -1,18 +1,13 @@
-// Bindings of every selection pass: group 0. Passes that cull have group 1 of culling.wgsl.
+// Bindings of every selection pass: group 0.
 #define_import_path bevy_treeline::select_bindings
 
 #import bevy_render::view::View
-#import bevy_treeline::types::{Counters, InstanceBlock, SelectSettings, ViewBlock}
+#import bevy_treeline::types::{Counters, InstanceBlock, SelectSettings}
 
 @group(0) @binding(0) var<uniform> view: View;
 // Of this phase.
 @group(0) @binding(1) var<uniform> settings: SelectSettings;
-// Blocks of up to WORKGROUP instances, of all forests.
-@group(0) @binding(2) var<storage, read> instance_blocks: array<InstanceBlock>;
-// Those that the view selects from, front to back. `listed` belongs to no block: it is a list of those that have to be
-// looked at tree by tree. `runs` and `items` are those of the block; after `scan_blocks`, the indices of the first.
-@group(0) @binding(3) var<storage, read_write> view_blocks: array<ViewBlock>;
-@group(0) @binding(4) var<storage, read_write> counters: Counters;
+@group(0) @binding(2) var<storage, read_write> counters: Counters;
 
 const WORKGROUP: u32 = #{SELECT_WORKGROUP}u;
 const POINTS_PER_ITEM: u32 = #{POINTS_PER_ITEM}u;
@@ -25,11 +20,14 @@ const SECOND: bool = false;
 #endif
 
 // Bits of ViewBlock.state. Of this phase: look at its trees one by one; draw it as a grove, whose samples stand above
-// bit 8. From the first phase: nothing of it was drawn; some of its trees were not drawn.
+// bit 8. From the first phase: nothing of it was drawn; some of its trees may not have been drawn.
 const LISTED: u32 = 1u;
 const GROVE: u32 = 2u;
 const WAS_HIDDEN: u32 = 4u;
 const HAS_HIDDEN: u32 = 8u;
+
+// Bit of TreeDraw.count: the first phase found something of the tree hidden. If its mask is 0, all of it.
+const WAS_PARTLY_HIDDEN: u32 = 0x80000000u;
 
 // Instances of a block; and of these, those whose species is resident.
 fn instance_count(block: InstanceBlock) -> u32 {

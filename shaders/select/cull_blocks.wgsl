@@ -2,10 +2,16 @@
 //
 // One thread per block of the view. In: blocks, view, pyramids. Out: `state`, and the runs and items of groves.
 // O(blocks in sight).
-#import bevy_treeline::culling::{edges_of, is_hidden_now, outside_frustum, was_hidden}
+#import bevy_treeline::culling::{edges_of, hides, outside_frustum}
 #import bevy_treeline::lod::view_scale
-#import bevy_treeline::select_bindings::{GROVE, HAS_HIDDEN, LISTED, SECOND, WAS_HIDDEN, counters, instance_blocks, item_count, resident_count, settings, view, view_blocks}
-#import bevy_treeline::types::InstanceBlock
+#import bevy_treeline::select_bindings::{GROVE, HAS_HIDDEN, LISTED, SECOND, WAS_HIDDEN, counters, item_count, resident_count, settings, view}
+#import bevy_treeline::types::{InstanceBlock, ViewBlock}
+
+// Blocks of up to WORKGROUP instances, of all forests.
+@group(1) @binding(1) var<storage, read> instance_blocks: array<InstanceBlock>;
+// Those that the view selects from, front to back. `listed` belongs to no block: it is a list of those that have to be
+// looked at tree by tree. `runs` and `items` are those of the block; after `scan_blocks`, the indices of the first.
+@group(1) @binding(2) var<storage, read_write> view_blocks: array<ViewBlock>;
 
 // Length of the prefix that a view at `k` may draw of a grove. Twin of `GroveList::prefix_length`.
 fn prefix_length(block: InstanceBlock, k: f32) -> u32 {
@@ -36,9 +42,10 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     if !SECOND {
         state = 0u;
     }
-    view_blocks[id.x].runs = 0u;
-    view_blocks[id.x].items = 0u;
+    atomicStore(&view_blocks[id.x].runs, 0u);
+    atomicStore(&view_blocks[id.x].items, 0u);
     let block = instance_blocks[view_blocks[id.x].block];
+    view_blocks[id.x].first_instance = block.first_instance;
     let half = 0.5 * block.extent;
     let center = block.lo + half;
     if SECOND {
@@ -47,7 +54,7 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
             view_blocks[id.x].state = 0u;
             return;
         }
-        if (before & WAS_HIDDEN) != 0u && is_hidden_now(block.lo, edges_of(block.extent), 0.0) {
+        if (before & WAS_HIDDEN) != 0u && hides(block.lo, edges_of(block.extent), 0.0) {
             atomicAdd(&counters.culled_occluded, resident_count(block));
             view_blocks[id.x].state = state;
             return;
@@ -59,7 +66,7 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
             view_blocks[id.x].state = 0u;
             return;
         }
-        if settings.occlusion != 0u && was_hidden(block.lo, edges_of(block.extent), 0.0) {
+        if settings.occlusion != 0u && hides(block.lo, edges_of(block.extent), 0.0) {
             atomicAdd(&counters.instances_seen, resident_count(block));
             view_blocks[id.x].state = WAS_HIDDEN;
             return;
@@ -68,13 +75,14 @@ fn cull_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
     let nearest = select(distance(clamp(eye, block.lo, block.lo + block.extent), eye), 1.0, settings.orthographic != 0u);
     let k = view_scale(settings.quality, settings.pixels_per_unit, nearest);
-    if k < block.complete_below {
+    // There is room for what is found out about trees of the first blocks; the others are groves, however this rounds.
+    if k < block.complete_below || id.x >= settings.listable_blocks {
         let samples = prefix_length(block, k);
         atomicAdd(&counters.instances_seen, select(0u, resident_count(block), !SECOND));
         atomicAdd(&counters.groves, 1u);
         if samples > 0u {
-            view_blocks[id.x].runs = 1u;
-            view_blocks[id.x].items = item_count(samples);
+            atomicStore(&view_blocks[id.x].runs, 1u);
+            atomicStore(&view_blocks[id.x].items, item_count(samples));
             state |= GROVE | (samples << 8u);
         }
     } else {

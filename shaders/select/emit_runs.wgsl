@@ -1,18 +1,27 @@
 // Writes the runs of the listed blocks' trees, in the order of blocks, instances and clusters, whatever order threads run in.
 //
-// One workgroup per listed block, one thread per instance, which asks again what `cull_instances` has asked. O(instances in
-// listed blocks + runs). CPU twin: src/forest/select.rs.
-#import bevy_treeline::culling::{Draw, clusters, instances, points_of_cluster, runs_and_items, select_instance, species}
+// One workgroup per listed block, one thread per instance, which reads what culling has found out. O(instances in listed
+// blocks + runs). CPU twin: src/forest/select.rs.
 #import bevy_treeline::hash::mix_bits
 #import bevy_treeline::instance::species_of
-#import bevy_treeline::lod::{level_clusters, window_start}
-#import bevy_treeline::select_bindings::{LISTED, WAS_HIDDEN, WORKGROUP, block_index, instance_blocks, instance_count, item_count, settings, view_blocks}
-#import bevy_treeline::types::Run
+#import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points, window_start}
+#import bevy_treeline::select_bindings::{WAS_PARTLY_HIDDEN, WORKGROUP, block_index, item_count, settings}
+#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeLook, ViewBlock}
 
-@group(2) @binding(0) var<storage, read_write> runs: array<Run>;
+@group(1) @binding(0) var<storage, read_write> runs: array<Run>;
+@group(1) @binding(1) var<storage, read> clusters: array<Cluster>;
+@group(1) @binding(2) var<storage, read_write> view_blocks: array<ViewBlock>;
+@group(1) @binding(3) var<storage, read> species: array<Species>;
+@group(1) @binding(4) var<storage, read> looks: array<TreeLook>;
+@group(1) @binding(5) var<storage, read> draws: array<TreeDraw>;
 
 var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
 var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
+
+// Points that a tree of `count` takes from a cluster of its level, of which all have `all`.
+fn points_of_cluster(count: u32, level: u32, size: u32, all: u32) -> u32 {
+    return select(cluster_points(count, size, all), count, level == 0u);
+}
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -23,21 +32,24 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         index = view_blocks[place].listed;
         is_listed = index < settings.block_count;
     }
-    var draw: Draw;
-    draw.mask = 0u;
-    var instance = 0u;
-    var kind_index = 0u;
+    let slot = index * WORKGROUP + lane;
+    let instance = view_blocks[index].first_instance + lane;
+    let count = draws[slot].count & ~WAS_PARTLY_HIDDEN;
+    let mask = select(0u, draws[slot].mask, is_listed);
+    var level = 0u;
+    var first_cluster = 0u;
+    // Points in all lists of its level.
+    var all = 0u;
     var own = vec2(0u);
-    if is_listed {
-        let block = instance_blocks[view_blocks[index].block];
-        let state = view_blocks[index].state;
-        if (state & LISTED) != 0u && lane < instance_count(block) {
-            instance = block.first_instance + lane;
-            draw = select_instance(block, lane, (state & WAS_HIDDEN) != 0u);
-            if draw.mask != 0u {
-                kind_index = species_of(instances[instance]);
-                own = runs_and_items(draw, kind_index);
-            }
+    if mask != 0u {
+        let kind_index = species_of(looks[instance]);
+        let level_count = species[kind_index].level_count;
+        level = level_of(count, level_count);
+        first_cluster = species[kind_index].first_cluster + level_clusters(level).x;
+        all = list_points(level, level_count, species[kind_index].point_count);
+        for (var left = mask; left != 0u; left &= left - 1u) {
+            let points = points_of_cluster(count, level, clusters[first_cluster + countTrailingZeros(left)].count, all);
+            own += vec2(min(points, 1u), item_count(points));
         }
     }
     lane_runs[lane] = own.x;
@@ -54,26 +66,21 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         lane_items[lane] += before.y;
         workgroupBarrier();
     }
-    if draw.mask == 0u {
-        return;
-    }
-    var run = view_blocks[index].runs + lane_runs[lane] - own.x;
-    var item = view_blocks[index].items + lane_items[lane] - own.y;
-    let kind = species[kind_index];
-    let first = kind.first_cluster + level_clusters(draw.level).x;
-    for (var mask = draw.mask; mask != 0u; mask &= mask - 1u) {
-        let i = countTrailingZeros(mask);
-        let points = points_of_cluster(draw, kind, i);
+    var run = atomicLoad(&view_blocks[index].runs) + lane_runs[lane] - own.x;
+    var item = atomicLoad(&view_blocks[index].items) + lane_items[lane] - own.y;
+    for (var left = mask; left != 0u; left &= left - 1u) {
+        let cluster = first_cluster + countTrailingZeros(left);
+        let size = clusters[cluster].count;
+        let points = points_of_cluster(count, level, size, all);
         if points == 0u {
             continue;
         }
         if run >= settings.item_capacity {
             break;
         }
-        let cluster = clusters[first + i];
         // Each tree at another turn, so that frames do not differ as a whole.
-        let start = select(0u, window_start(points, cluster.count, settings.window + (mix_bits(instance) & 7u)), settings.window > 0u);
-        runs[run] = Run(item, instance, cluster.first_point + start, points, draw.radius);
+        let start = select(0u, window_start(points, size, settings.window + (mix_bits(instance) & 7u)), settings.window > 0u);
+        runs[run] = Run(item, instance, clusters[cluster].first_point + start, points, draws[slot].radius);
         run += 1u;
         item += item_count(points);
     }

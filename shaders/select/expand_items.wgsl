@@ -1,17 +1,19 @@
 // Cuts runs into work items of up to 64 points, and says of each how its points come to the screen.
 //
 // One thread per item, which finds its run by bisection. O(items log runs). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, instance_blocks, settings, view}
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, block_index, counters, settings, view}
 #import bevy_treeline::lod::OF_GROVE
-#import bevy_treeline::splat_item::splat_item
-#import bevy_treeline::instance::species_of
-#import bevy_treeline::types::{Run, Species, SplatItem, TreeInstance, WorkItem}
+#import bevy_treeline::splat_item::{GROVE_UNIT, splat_item}
+#import bevy_treeline::instance::{species_of, tree_instance}
+#import bevy_treeline::types::{InstanceBlock, Run, Species, SplatItem, TreeLook, TreePlace, WorkItem}
 
 @group(1) @binding(0) var<storage, read> species: array<Species>;
-@group(1) @binding(1) var<storage, read> instances: array<TreeInstance>;
-@group(1) @binding(2) var<storage, read> runs: array<Run>;
-@group(1) @binding(3) var<storage, read_write> items: array<WorkItem>;
-@group(1) @binding(4) var<storage, read_write> splat_items: array<SplatItem>;
+@group(1) @binding(1) var<storage, read> places: array<TreePlace>;
+@group(1) @binding(2) var<storage, read> looks: array<TreeLook>;
+@group(1) @binding(3) var<storage, read> runs: array<Run>;
+@group(1) @binding(4) var<storage, read_write> items: array<WorkItem>;
+@group(1) @binding(5) var<storage, read_write> splat_items: array<SplatItem>;
+@group(1) @binding(6) var<storage, read> instance_blocks: array<InstanceBlock>;
 
 var<workgroup> group_points: atomic<u32>;
 
@@ -45,13 +47,16 @@ fn expand_items(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
         let grove_index = settings.item_capacity - 1u - atomicLoad(&counters.first_grove_item) - place;
         let index = select(atomicLoad(&counters.first_item) + place, grove_index, of_grove);
         if of_grove {
-            items[index] = WorkItem(instance_blocks[run.instance].first_instance, first, count | (settings.window << 8u) | OF_GROVE, 0.0);
+            let first_instance = instance_blocks[run.instance].first_instance;
+            items[index] = WorkItem(first_instance, first, count | (settings.window << 8u) | OF_GROVE, 0.0);
             splat_items[index].first_point = first;
-            splat_items[index].count_flags = count | (run.instance << 8u);
+            splat_items[index].area = instance_blocks[run.instance].fade_begin;
+            splat_items[index].leaf_overlap = instance_blocks[run.instance].fade_end;
+            splat_items[index].count_flags = count | ((first_instance / GROVE_UNIT) << 8u);
         } else {
-            let instance = instances[run.instance];
+            let instance = tree_instance(places[run.instance], looks[run.instance]);
             items[index] = WorkItem(run.instance, first, count, run.radius);
-            splat_items[index] = splat_item(view.view_from_world, instance, species[species_of(instance)], first, count, run.radius, settings.overlap_gain, settings.splat_shape);
+            splat_items[index] = splat_item(view.view_from_world, instance, species[species_of(instance.look)], first, count, run.radius, settings.overlap_gain, settings.splat_shape);
         }
         atomicAdd(&group_points, count);
     }

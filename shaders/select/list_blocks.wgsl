@@ -2,11 +2,12 @@
 //
 // One workgroup: each thread counts a run of blocks, the counts are scanned, each thread writes its run.
 // O(blocks / 256 + 256).
-#import bevy_treeline::select_bindings::{LISTED, WORKGROUP, grid, settings, view_blocks}
-#import bevy_treeline::types::IndirectArgs
+#import bevy_treeline::select_bindings::{LISTED, WORKGROUP, counters, grid, settings}
+#import bevy_treeline::types::{IndirectArgs, ViewBlock}
 
 // Apart from the other bindings: a buffer cannot be storage and source of indirect arguments in one dispatch.
 @group(1) @binding(0) var<storage, read_write> args: IndirectArgs;
+@group(1) @binding(1) var<storage, read_write> view_blocks: array<ViewBlock>;
 
 var<workgroup> listed: array<u32, #{SELECT_WORKGROUP}>;
 
@@ -35,6 +36,7 @@ fn list_blocks(@builtin(local_invocation_index) lane: u32) {
     if lane != WORKGROUP - 1u {
         return;
     }
+    atomicStore(&counters.near_trees, 0u);
     args.cull = grid(next);
     // The grid may have more workgroups than there are blocks.
     for (; next < min(args.cull.x * args.cull.y, blocks); next++) {

@@ -3,12 +3,14 @@
 //
 // One workgroup: each thread sums a run of blocks, the sums are scanned, each thread writes its blocks.
 // O(blocks / 256 + 256). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{GROVE, POINTS_PER_ITEM, WORKGROUP, counters, grid, instance_blocks, settings, view_blocks}
-#import bevy_treeline::types::{IndirectArgs, Run}
+#import bevy_treeline::select_bindings::{GROVE, POINTS_PER_ITEM, WORKGROUP, counters, grid, settings}
+#import bevy_treeline::types::{IndirectArgs, InstanceBlock, Run, ViewBlock}
 
 // Apart from the other bindings: a buffer cannot be storage and source of indirect arguments in one dispatch.
 @group(1) @binding(0) var<storage, read_write> args: IndirectArgs;
-@group(1) @binding(1) var<storage, read_write> runs: array<Run>;
+@group(1) @binding(1) var<storage, read_write> view_blocks: array<ViewBlock>;
+@group(1) @binding(2) var<storage, read_write> runs: array<Run>;
+@group(1) @binding(3) var<storage, read> instance_blocks: array<InstanceBlock>;
 
 var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
 var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
@@ -24,7 +26,7 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
     // Runs and items of trees, of groves.
     var sum = vec4(0u);
     for (var i = begin; i < end; i++) {
-        let own = vec2(view_blocks[i].runs, view_blocks[i].items);
+        let own = vec2(atomicLoad(&view_blocks[i].runs), atomicLoad(&view_blocks[i].items));
         sum += select(vec4(own, 0u, 0u), vec4(0u, 0u, own), (view_blocks[i].state & GROVE) != 0u);
     }
     lane_runs[lane] = sum.x;
@@ -37,15 +39,15 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
         first += vec4(lane_runs[i], lane_items[i], lane_grove_runs[i], lane_grove_items[i]);
     }
     for (var i = begin; i < end; i++) {
-        let own = vec2(view_blocks[i].runs, view_blocks[i].items);
+        let own = vec2(atomicLoad(&view_blocks[i].runs), atomicLoad(&view_blocks[i].items));
         let state = view_blocks[i].state;
         if (state & GROVE) != 0u {
             let block = view_blocks[i].block;
             runs[settings.first_grove_run + first.z] = Run(first.w, block, instance_blocks[block].first_sample, state >> 8u, 0.0);
             first += vec4(0u, 0u, own);
         } else {
-            view_blocks[i].runs = first.x;
-            view_blocks[i].items = first.y;
+            atomicStore(&view_blocks[i].runs, first.x);
+            atomicStore(&view_blocks[i].items, first.y);
             first += vec4(own, 0u, 0u);
         }
     }

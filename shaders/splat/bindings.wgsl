@@ -2,17 +2,17 @@
 #define_import_path bevy_treeline::splat_bindings
 
 #import bevy_render::view::View
-#import bevy_treeline::types::{Counters, InstanceBlock, SelectSettings, Species, SplatItem, SurfelHot, TreeInstance}
+#import bevy_treeline::types::{Counters, SelectSettings, Species, SplatItem, SurfelHot, TreeLook, TreePlace}
 
 @group(0) @binding(0) var<uniform> view: View;
 // Of this phase.
 @group(0) @binding(1) var<uniform> settings: SelectSettings;
 @group(0) @binding(2) var<storage, read> species: array<Species>;
-@group(0) @binding(3) var<storage, read> instances: array<TreeInstance>;
-@group(0) @binding(4) var<storage, read> instance_blocks: array<InstanceBlock>;
+@group(0) @binding(3) var<storage, read> places: array<TreePlace>;
+@group(0) @binding(4) var<storage, read> looks: array<TreeLook>;
 @group(0) @binding(5) var<storage, read> splat_items: array<SplatItem>;
 @group(0) @binding(6) var<storage, read> surfels_hot: array<SurfelHot>;
-// Samples of groves: rank of the point | place of the tree in its block << 24.
+// Samples of groves, two a word: `grove_sample`.
 @group(0) @binding(7) var<storage, read> samples: array<u32>;
 @group(0) @binding(8) var<storage, read_write> counters: Counters;
 

@@ -27,6 +27,9 @@ const REST: f32 = 0.02;
 // Standard deviations by which the past may differ in motion: leaves of one pixel at many depths each move their own way, and
 // what a wrong motion brings along is cut off here (measured: 0.75 to 1.5 are alike, 3 leaves streaks).
 const CLIP_IN_MOTION: f32 = 1.0;
+// Pixels by which the motions around a pixel may differ from the one that carries its past: there that past is of another
+// place, and this frame counts alone (measured: 0.15 to 1 are alike, 1 is best).
+const SPREAD: f32 = 1.0;
 // Fall of the filter over the pixels around, per squared pixel, that stands for a frame in motion.
 const FILTER_FALL: f32 = 2.3;
 
@@ -83,6 +86,13 @@ fn sample_history(at: vec2<f32>) -> vec3<f32> {
     return max(sum.rgb / sum.w, vec3(0.0));
 }
 
+// How far, in pixels, what is sampled at the centre of a pixel lies from it in a picture without jitter.
+fn jitter_shift() -> vec2<f32> {
+    let center = view.world_from_clip * vec4(0.0, 0.0, 0.5, 1.0);
+    let unjittered = view.unjittered_clip_from_world * (center / center.w);
+    return unjittered.xy / unjittered.w * vec2(0.5, -0.5) * view.viewport.zw;
+}
+
 @fragment
 fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     let pixel = vec2<i32>(frag_coord.xy);
@@ -97,7 +107,10 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     var low_color = vec3(1e9);
     var high_color = vec3(0.0);
     var filtered = vec4(0.0);
+    let shift = jitter_shift();
     var nearest = pixel;
+    // Sum of the motions of what is there, and how many they are. The sky has none.
+    var motions = vec3(0.0);
     var depth_low = 1e9;
     var depth_high = -1.0;
     for (var y = -1; y <= 1; y++) {
@@ -106,12 +119,16 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
             let rgb = compress(textureLoad(frame, at, 0).rgb);
             low_color = min(low_color, rgb);
             high_color = max(high_color, rgb);
-            filtered += vec4(rgb, 1.0) * exp(-FILTER_FALL * f32(x * x + y * y));
+            // Around where the pixel lies without jitter (Karis 2014, "High quality temporal supersampling"): a frame that
+            // counts alone, or nearly, would tremble with the jitter otherwise.
+            let away = vec2(f32(x), f32(y)) + shift;
+            filtered += vec4(rgb, 1.0) * exp(-FILTER_FALL * dot(away, away));
             let color = ycocg_from_rgb(rgb);
             mean += color / 9.0;
             square += color * color / 9.0;
             let depth = textureLoad(frame_depth, at, 0);
             depth_low = min(depth_low, depth);
+            motions += select(vec3(0.0), vec3(textureLoad(motion_vectors, at, 0).xy, 1.0), depth > 0.0);
             if depth > depth_high {
                 depth_high = depth;
                 nearest = at;
@@ -126,6 +143,10 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     if settings.reset != 0u {
         return out;
     }
+    // What was not seen before has no frames to average but this one: it counts with its surroundings.
+    let smooth_now = filtered.rgb / filtered.w;
+    out.color = vec4(expand(smooth_now), original.a);
+    out.history = vec4(smooth_now, 1.0);
     // Motion of the nearest, so that outlines move with what they outline.
     let motion = textureLoad(motion_vectors, nearest, 0).xy * view.viewport.zw;
     let before = frag_coord.xy - motion;
@@ -159,7 +180,7 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
     if is_moving {
         past = sample_history(before);
         // There are few frames to average, so each counts with its surroundings.
-        present = filtered.rgb / filtered.w;
+        present = smooth_now;
     } else {
         past = textureLoad(history, pixel, 0).rgb;
     }
@@ -174,7 +195,10 @@ fn accumulate(@builtin(position) frag_coord: vec4<f32>) -> Accumulated {
         past = clamp(past, low_color, high_color);
     }
 
-    let limit = select(settings.frames_at_rest, settings.frames_in_motion, is_moving);
+    // Leaves at many depths each move their own way: the more they differ, the less is known of the past.
+    let spread = select(0.0, length(motions.xy / max(motions.z, 1.0) * view.viewport.zw - motion), motions.z > 0.0);
+    let in_motion = mix(settings.frames_in_motion, 1.0, saturate(spread / SPREAD));
+    let limit = select(settings.frames_at_rest, in_motion, is_moving);
     let frames = min(textureLoad(history, source, 0).a + 1.0, limit);
     let average = max(mix(past, present, 1.0 / frames), vec3(0.0));
     out.history = vec4(average, frames);

@@ -1,7 +1,10 @@
 //! The components a game adds.
 
-use super::{forest_index::ForestIndex, instance::TreeInstance};
-use crate::{asset::TreeAsset, gpu::types::GpuTreeInstance, lod::fade::ViewRange};
+use super::{
+    forest_index::ForestIndex,
+    instance::{PackedTree, TreeInstance},
+};
+use crate::{asset::TreeAsset, lod::fade::ViewRange};
 use bevy::prelude::*;
 use std::{ops::Range, sync::Arc};
 
@@ -64,7 +67,7 @@ pub struct LodState {
 pub struct Forest {
     // Both are shared with the render world, which tells a change by the pointer: a change to the trees copies them.
     species: Arc<[Handle<TreeAsset>]>,
-    instances: Arc<Vec<GpuTreeInstance>>,
+    instances: Arc<Vec<PackedTree>>,
     view_range: ViewRange,
 }
 
@@ -156,7 +159,7 @@ impl Forest {
     }
 
     /// The trees in their 32-byte form, shared.
-    pub(crate) fn packed(&self) -> &Arc<Vec<GpuTreeInstance>> {
+    pub(crate) fn packed(&self) -> &Arc<Vec<PackedTree>> {
         &self.instances
     }
 }

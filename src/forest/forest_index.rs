@@ -43,7 +43,7 @@ impl ForestIndex {
     fn measure(forest: &Forest) -> Self {
         let mut index = Self::default();
         for tree in forest.packed().iter() {
-            let position = Vec3::from_array(tree.position);
+            let position = tree.position;
             // What is nowhere is near nothing.
             if position.is_finite() {
                 index.bounds = index.bounds.including(position);
@@ -78,7 +78,7 @@ impl ForestIndex {
         let cells = self.cells.get_or_insert_with(|| {
             let mut cells: HashMap<IVec2, Vec<u32>> = default();
             for (i, tree) in forest.packed().iter().enumerate() {
-                cells.entry(cell_of(tree.position.into())).or_default().push(i as u32);
+                cells.entry(cell_of(tree.position)).or_default().push(i as u32);
             }
             cells
         });

@@ -1,9 +1,9 @@
 //! Groves: the trees of a block drawn as one progressively ordered list of (instance, point) samples, whose prefix is its
 //! level of detail. Beyond the distance where a tree gets a handful of points, a block then costs what its points cost.
 //!
-//! Selection gives tree i `floor(n + hash)` points, and `n = w k`: its *weight* `w = N0 s²` is a property of the tree,
-//! the *view scale* `k = q Z0² / d²` of the view. So point r of it is drawn from `k = (r + 1 − hash) / w` on, the *threshold* of
-//! that sample. Sorted by threshold, the samples drawn at any k are a prefix. Distances within a block differ, but only
+//! Selection gives tree i `floor(n + hash)` points, and `n = t(w k)`: its *weight* `w = N0 s²` is a property of the tree,
+//! the *view scale* `k = q Z0² / d²` of the view, and `t` thins small trees (`lod::prefix_count`). So point r of it is drawn
+//! from `k = t⁻¹(r + 1 − hash) / w` on, the *threshold* of that sample. Sorted by threshold, the samples drawn at any k are a prefix. Distances within a block differ, but only
 //! move each tree's own k: the prefix is taken for the largest k of the block, and whoever draws a sample compares
 //! its point with what selection gives that tree. A grove so draws exactly the points that its trees would.
 //!
@@ -12,7 +12,7 @@
 use super::{instance::TreeInstance, select::SpeciesShape};
 use crate::{
     gpu::types::{GpuTreeInstance, SELECT_WORKGROUP},
-    lod::clusters::LIST_POINTS,
+    lod::prefix_count::unthinned,
 };
 use std::{
     cmp::{Ordering, Reverse},
@@ -25,18 +25,21 @@ pub const SAMPLES_PER_TREE: usize = 6;
 /// Most samples of a grove: lengths are kept in 16 bits.
 pub const MOST_SAMPLES: usize = u16::MAX as usize;
 
+/// Points of a tree that a sample can name: its rank has 8 bits.
+const MOST_RANKS: u32 = 256;
+
 /// Octaves of the view scale for which a grove knows the length of its prefix: a factor of 256 in distance.
 pub const OCTAVES: usize = 16;
 
 /// Thresholds are lowered by this share, so that no rounding in the f32 of selection, of a distance or of
-/// [`GroveList::prefix_length`] (a dozen operations, each within 2.5 ulp on a GPU) draws a point that a prefix lacks.
-const SLACK: f64 = 4e-6;
+/// [`GroveList::prefix_length`] (a dozen operations and a root, each within 2.5 ulp on a GPU) draws a point that a prefix lacks.
+const SLACK: f64 = 6e-6;
 
 /// One block of instances as a list of samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GroveList {
-    /// By threshold: place of the instance in the block << 24 | point in the progressive order of its tree.
-    pub samples: Vec<u32>,
+    /// By threshold: place of the instance in the block << 8 | point in the progressive order of its tree.
+    pub samples: Vec<u16>,
     /// The list holds every point that is drawn where the largest view scale of the block is below this.
     pub complete_below: f32,
     /// Threshold of the last sample; marks count octaves from here. 0 for an empty list.
@@ -87,12 +90,12 @@ struct Tree {
 impl Tree {
     /// From an instance (world space) at a place in the block. `None` where nothing would ever be drawn.
     fn new(lane: usize, instance: &GpuTreeInstance, shape: &SpeciesShape) -> Option<Self> {
-        let s = f64::from(shape.pixel) * f64::from(instance.scale);
+        let s = f64::from(shape.pixel) * f64::from(instance.scale());
         let weight = f64::from(shape.point_count) * s * s;
-        let somewhere = instance.position.iter().all(|p| p.is_finite());
+        let somewhere = instance.position().is_finite();
         (somewhere && weight.is_finite() && weight > 0.0).then(|| Self {
             lane: lane as u32,
-            hash: f64::from(TreeInstance::unpack(instance).hash()),
+            hash: f64::from(TreeInstance::from_compact(instance).hash()),
             weight,
             points: shape.point_count,
         })
@@ -101,7 +104,7 @@ impl Tree {
     /// The view scale from which point `rank` is drawn, less [`SLACK`].
     fn threshold(&self, rank: u32) -> f32 {
         let wanted = (f64::from(rank) + 1.0) * (1.0 - SLACK) - self.hash;
-        round_down((wanted / self.weight).max(0.0) * (1.0 - SLACK))
+        round_down((unthinned(wanted.max(0.0)) / self.weight) * (1.0 - SLACK))
     }
 }
 
@@ -150,7 +153,7 @@ pub fn grove_list(
 ) -> GroveList {
     assert!(instances.len() <= SELECT_WORKGROUP as usize, "a grove is one block of instances");
     let tree = |(lane, instance): (usize, &GpuTreeInstance)| {
-        let shape = shape_of(instance.species_seed_flags as u16)?;
+        let shape = shape_of(instance.species() as u16)?;
         Tree::new(lane, instance, &shape)
     };
     let trees: Vec<Tree> = instances.iter().enumerate().filter_map(tree).collect();
@@ -161,12 +164,12 @@ pub fn grove_list(
     let mut waiting: BinaryHeap<_> = (0..trees.len()).filter_map(|tree| next(tree, 0)).collect();
     let (mut list, mut thresholds) = (vec![], vec![]);
     let most = samples.min(MOST_SAMPLES);
-    // Points are addressed in a tree's first list, which holds the start of its order.
+    // A tree much larger than the others ends the list: nearer than that they are looked at one by one.
     while list.len() < most
-        && waiting.peek().is_some_and(|Reverse(next)| next.rank < LIST_POINTS[0])
+        && waiting.peek().is_some_and(|Reverse(next)| next.rank < MOST_RANKS)
         && let Some(Reverse(Next { threshold, tree, rank })) = waiting.pop()
     {
-        list.push(trees[tree].lane << 24 | rank);
+        list.push((trees[tree].lane << 8 | rank) as u16);
         thresholds.push(threshold);
         waiting.extend(next(tree, rank + 1));
     }
@@ -207,7 +210,11 @@ mod tests {
             select::{ViewPoint, select_instance},
             settings::TreelineSettings,
         },
-        lod::{fade::ViewRange, prefix_count::round_count, thinning::FACTOR_STEPS},
+        lod::{
+            fade::ViewRange,
+            prefix_count::{round_count, thinned},
+            thinning::FACTOR_STEPS,
+        },
         math::hash::SplitMix64,
     };
     use bevy::math::Vec3;
@@ -258,7 +265,7 @@ mod tests {
     }
 
     fn list_of(trees: &[TreeInstance], samples: usize) -> GroveList {
-        let packed: Vec<_> = trees.iter().map(TreeInstance::pack).collect();
+        let packed: Vec<_> = trees.iter().map(TreeInstance::compact).collect();
         grove_list(&packed, shape_of, samples)
     }
 
@@ -268,7 +275,7 @@ mod tests {
         let settings = TreelineSettings { quality, ..Default::default() };
         let mut largest = 0.0f32;
         let count = |tree: &TreeInstance| {
-            let tree = TreeInstance::unpack(&tree.pack());
+            let tree = TreeInstance::from_compact(&tree.compact());
             let shape = &SPECIES[usize::from(tree.species)];
             let found =
                 select_instance(&view, &settings, shape, &tree, ViewRange::default(), false);
@@ -279,9 +286,9 @@ mod tests {
     }
 
     /// The samples of a prefix that their own trees draw.
-    fn drawn(list: &GroveList, length: u32, counts: &[u32]) -> Vec<u32> {
-        let own = |sample: &&u32| (**sample & 0xff_ffff) < counts[(**sample >> 24) as usize];
-        let mut drawn: Vec<u32> =
+    fn drawn(list: &GroveList, length: u32, counts: &[u32]) -> Vec<u16> {
+        let own = |sample: &&u16| u32::from(**sample & 0xff) < counts[usize::from(**sample >> 8)];
+        let mut drawn: Vec<u16> =
             list.samples[..length as usize].iter().filter(own).copied().collect();
         drawn.sort_unstable();
         drawn
@@ -294,9 +301,9 @@ mod tests {
             let list = list_of(&trees, count * SAMPLES_PER_TREE);
             let (counts, largest) = selected(&trees, Vec3::new(0.0, 20.0, 10f32.powf(exponent)), quality);
             if largest < list.complete_below {
-                let expected: Vec<u32> = (0u32..)
+                let expected: Vec<u16> = (0u32..)
                     .zip(&counts)
-                    .flat_map(|(lane, n)| (0..*n).map(move |rank| lane << 24 | rank))
+                    .flat_map(|(lane, n)| (0..*n).map(move |rank| (lane << 8 | rank) as u16))
                     .collect();
                 prop_assert_eq!(drawn(&list, list.prefix_length(largest), &counts), expected);
             } else {
@@ -315,7 +322,7 @@ mod tests {
                 .map(|tree| {
                     let shape = SPECIES[usize::from(tree.species)];
                     let s = f64::from(shape.pixel) * f64::from(tree.scale);
-                    let wanted = (f64::from(shape.point_count) * s * s * f64::from(k)) as f32;
+                    let wanted = thinned((f64::from(shape.point_count) * s * s * f64::from(k)) as f32);
                     round_count(wanted.min(shape.point_count as f32), tree.hash())
                 })
                 .sum();
@@ -341,7 +348,7 @@ mod tests {
         assert_eq!((list.samples.len(), list.complete_below), (12, f32::INFINITY));
         assert_eq!(list.prefix_length(f32::INFINITY), 12);
         // Equal trees come in the order of the block, and every tree's points in order.
-        assert_eq!(list.samples[..5], [0, 1 << 24, 2 << 24, 3 << 24, 1]);
+        assert_eq!(list.samples[..5], [0, 1 << 8, 2 << 8, 3 << 8, 1]);
     }
 
     #[test]
@@ -356,7 +363,7 @@ mod tests {
             good,
         ];
         let list = list_of(&trees, 20);
-        assert!(list.samples.len() == 20 && list.samples.iter().all(|sample| sample >> 24 == 5));
+        assert!(list.samples.len() == 20 && list.samples.iter().all(|sample| sample >> 8 == 5));
         let nothing = list_of(&trees[..5], 20);
         assert_eq!((nothing.samples.len(), nothing.prefix_length(1e9)), (0, 0));
         assert_eq!(

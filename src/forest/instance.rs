@@ -1,8 +1,11 @@
-//! A tree of a forest, and its 32-byte form. The WGSL twin of the unpacking is `shaders/lib/instance.wgsl`.
+//! A tree of a forest, its 32-byte form in the main world, and its 24-byte form on the GPU. The WGSL twin of the unpacking is `shaders/lib/instance.wgsl`.
 
 use crate::{
-    gpu::types::GpuTreeInstance,
-    math::hash::{mix_bits, unit_from_bits},
+    gpu::types::{GpuTreeInstance, GpuTreeLook, GpuTreePlace, SPECIES_NOT_RESIDENT},
+    math::{
+        compact::{rotation_bits, rotation_from_bits, scale_bits},
+        hash::{mix_bits, unit_from_bits},
+    },
 };
 use bevy::math::{Affine3A, Quat, Vec3};
 
@@ -21,6 +24,18 @@ pub struct TreeInstance {
     pub tint: [u8; 3],
     /// Decides where in its range this instance changes between mesh and points. Default: 0; any hash will do.
     pub seed: u8,
+}
+
+/// A tree as forests keep it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PackedTree {
+    pub position: Vec3,
+    pub scale: f32,
+    /// Unit quaternion x, y, z, w, 32767 = 1.
+    rotation: [i16; 4],
+    tint: [u8; 3],
+    seed: u8,
+    pub species: u16,
 }
 
 impl Default for TreeInstance {
@@ -58,31 +73,57 @@ impl TreeInstance {
     }
 
     /// Packs into 32 bytes.
-    pub fn pack(&self) -> GpuTreeInstance {
+    pub(crate) fn pack(&self) -> PackedTree {
         let q = self.rotation.normalize();
-        let snorm = |v: f32| u32::from((v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
-        let [r, g, b] = self.tint.map(u32::from);
-        GpuTreeInstance {
-            position: self.position.to_array(),
+        let snorm = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16;
+        PackedTree {
+            position: self.position,
             scale: self.scale,
-            rotation: [snorm(q.x) | snorm(q.y) << 16, snorm(q.z) | snorm(q.w) << 16],
-            tint: r | g << 8 | b << 16 | 255 << 24,
-            species_seed_flags: u32::from(self.species) | u32::from(self.seed) << 16,
+            rotation: q.to_array().map(snorm),
+            tint: self.tint,
+            seed: self.seed,
+            species: self.species,
         }
     }
 
     /// The inverse of [`TreeInstance::pack`], up to rounding of the rotation.
-    pub fn unpack(packed: &GpuTreeInstance) -> Self {
-        let snorm = |v: u32| f32::from(v as u16 as i16) / 32767.0;
-        let [a, b] = packed.rotation;
+    pub(crate) fn unpack(packed: &PackedTree) -> Self {
+        let PackedTree { position, scale, rotation, tint, seed, species } = *packed;
+        let [x, y, z, w] = rotation.map(|v| f32::from(v) / 32767.0);
+        let rotation = Quat::from_xyzw(x, y, z, w).normalize();
+        Self { position, rotation, scale, species, tint, seed }
+    }
+
+    /// The 24 bytes that the GPU reads of a tree in world space: all of it, but for rounding of rotation
+    /// (0.002 radians) and scale (1 / 4,096 of it).
+    pub fn compact(&self) -> GpuTreeInstance {
+        let [x, y, z] = self.position.to_array();
+        let [r, g, b] = self.tint.map(u32::from);
+        let species = u32::from(self.species).min(SPECIES_NOT_RESIDENT);
+        let rotation = rotation_bits(self.rotation);
+        GpuTreeInstance {
+            place: GpuTreePlace { x, y, z },
+            look: GpuTreeLook {
+                rotation: rotation as u32,
+                tint_seed: r | g << 8 | b << 16 | u32::from(self.seed) << 24,
+                species_scale: species
+                    | ((rotation >> 32) as u32) << 13
+                    | scale_bits(self.scale) << 16,
+            },
+        }
+    }
+
+    /// The inverse of [`TreeInstance::compact`]: the tree as the GPU sees it.
+    pub fn from_compact(tree: &GpuTreeInstance) -> Self {
+        let [r, g, b, seed] = tree.look.tint_seed.to_le_bytes();
+        let upper = tree.look.species_scale >> 13 & 7;
         Self {
-            position: Vec3::from_array(packed.position),
-            rotation: Quat::from_xyzw(snorm(a), snorm(a >> 16), snorm(b), snorm(b >> 16))
-                .normalize(),
-            scale: packed.scale,
-            species: packed.species_seed_flags as u16,
-            tint: [packed.tint as u8, (packed.tint >> 8) as u8, (packed.tint >> 16) as u8],
-            seed: (packed.species_seed_flags >> 16) as u8,
+            position: tree.position(),
+            rotation: rotation_from_bits(u64::from(upper) << 32 | u64::from(tree.look.rotation)),
+            scale: tree.scale(),
+            species: tree.species() as u16,
+            tint: [r, g, b],
+            seed,
         }
     }
 
@@ -126,6 +167,13 @@ mod tests {
             let back = TreeInstance::unpack(&tree.pack());
             prop_assert_eq!((back.position, back.scale, back.species, back.tint, back.seed), (tree.position, scale, species, tree.tint, seed));
             prop_assert!(back.rotation.angle_between(tree.rotation) < 1e-3);
+            let back = TreeInstance::from_compact(&tree.compact());
+            prop_assert_eq!((back.position, back.tint, back.seed), (tree.position, tree.tint, seed));
+            prop_assert_eq!(u32::from(back.species), u32::from(species).min(SPECIES_NOT_RESIDENT));
+            prop_assert!(back.rotation.angle_between(tree.rotation) < 2e-3 && (back.scale / scale - 1.0).abs() < 3e-4);
+            // What the GPU has is kept by another turn, but for ties of the largest component.
+            let again = TreeInstance::from_compact(&back.compact());
+            prop_assert!(again.rotation.angle_between(back.rotation) < 1e-3 && again.scale == back.scale);
         }
     }
 
@@ -142,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn an_instance_takes_thirty_two_bytes() {
-        assert_eq!(size_of::<GpuTreeInstance>(), 32);
+    fn an_instance_takes_few_bytes() {
+        assert_eq!((size_of::<PackedTree>(), size_of::<GpuTreeInstance>()), (32, 24));
     }
 }

@@ -16,6 +16,7 @@ mod settings;
 
 pub use components::{Forest, LodState, TreeImpostor};
 pub use grove::{GroveList, MOST_SAMPLES, OCTAVES, SAMPLES_PER_TREE, grove_list, view_scale};
+pub(crate) use instance::PackedTree;
 pub use instance::TreeInstance;
 pub(crate) use lod_state::impostor_instance;
 pub use near_mesh::{NearMeshPart, NearMeshes, NearTree};

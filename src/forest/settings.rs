@@ -233,7 +233,7 @@ pub struct UploadBudget {
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Default)]
 pub struct GroveSettings {
-    /// Points kept of each tree, on average: a grove serves where its trees get fewer. 4 bytes of GPU memory each. 0: no
+    /// Points kept of each tree, on average: a grove serves where its trees get fewer. 2 bytes of GPU memory each. 0: no
     /// groves. Default: 6.
     pub samples_per_tree: usize,
 }

@@ -1,17 +1,44 @@
 //! Rust mirrors of `shaders/lib/types.wgsl`. `tests/shader_layout.rs` compares them field by field.
 
-use crate::gpu::mirror::gpu_types;
+use crate::{gpu::mirror::gpu_types, math::compact::scale_from_bits};
+use bevy::math::Vec3;
 
-/// [`GpuTreeInstance`] flag: a near mesh of this instance is in the scene, so points may fade out.
-pub const INSTANCE_HAS_MESH: u32 = 1 << 24;
+/// Bit of [`GpuTreeLook::species_scale`]: a near mesh of this instance is in the scene, so points may fade out.
+pub const INSTANCE_HAS_MESH: u32 = 1 << 12;
 /// Species index of an instance whose species is not resident: it is not drawn.
-pub const SPECIES_NOT_RESIDENT: u32 = 0xffff;
+pub const SPECIES_NOT_RESIDENT: u32 = 0xfff;
 /// Points of a work item at most: one workgroup of the splat pass.
 pub const POINTS_PER_ITEM: u32 = 64;
 /// Threads of a selection workgroup.
 pub const SELECT_WORKGROUP: u32 = 256;
 /// Side of the square of pixels that resolve draws as one quad.
 pub const RESOLVE_BLOCK: u32 = 8;
+
+/// A tree in 24 bytes, as it goes to the GPU (`forest::TreeInstance::compact`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GpuTreeInstance {
+    /// Where it stands.
+    pub place: GpuTreePlace,
+    /// What it looks like.
+    pub look: GpuTreeLook,
+}
+
+impl GpuTreeInstance {
+    /// World space.
+    pub fn position(&self) -> Vec3 {
+        Vec3::new(self.place.x, self.place.y, self.place.z)
+    }
+
+    /// Index of its species on the GPU.
+    pub fn species(&self) -> u32 {
+        self.look.species_scale & SPECIES_NOT_RESIDENT
+    }
+
+    /// Its scale.
+    pub fn scale(&self) -> f32 {
+        scale_from_bits(self.look.species_scale >> 16)
+    }
+}
 
 gpu_types! {
     /// A baked tree in the surfel pool.
@@ -63,19 +90,26 @@ gpu_types! {
         pub count: u32,
     }
 
-    /// One tree: 32 bytes.
-    #[derive(PartialEq)]
-    pub struct GpuTreeInstance as "TreeInstance" {
+    /// Where a tree stands. Apart from the rest, so that ten million trees fit devices that bind 128 MiB.
+    #[derive(Default, PartialEq)]
+    pub struct GpuTreePlace as "TreePlace" {
         /// World space.
-        pub position: [f32; 3],
-        /// Uniform, > 0.
-        pub scale: f32,
-        /// Unit quaternion x, y, z, w as 4 × snorm16.
-        pub rotation: [u32; 2],
-        /// Colour factor per channel, 128 = 1.
-        pub tint: u32,
-        /// Species (16 bits) | seed (8 bits) << 16 | flags << 24.
-        pub species_seed_flags: u32,
+        pub x: f32,
+        /// World space.
+        pub y: f32,
+        /// World space.
+        pub z: f32,
+    }
+
+    /// What a tree looks like.
+    #[derive(Default, PartialEq)]
+    pub struct GpuTreeLook as "TreeLook" {
+        /// Lower 32 bits of the rotation (`math::compact`).
+        pub rotation: u32,
+        /// Colour factor per channel, 128 = 1 | seed << 24.
+        pub tint_seed: u32,
+        /// Species (12 bits) | whether a mesh of it is in the scene << 12 | upper bits of the rotation << 13 | scale << 16.
+        pub species_scale: u32,
     }
 
     /// Up to [`SELECT_WORKGROUP`] neighbouring instances of one forest: the work of a workgroup, and a grove.
@@ -110,6 +144,8 @@ gpu_types! {
     pub struct GpuViewBlock as "ViewBlock" {
         /// Index of the block.
         pub block: u32,
+        /// Index of its first instance.
+        pub first_instance: u32,
         /// What `cull_blocks` decided.
         pub state: u32,
         /// Runs of the block; then the index of its first.
@@ -118,6 +154,19 @@ gpu_types! {
         pub items: u32,
         /// Of no block: a list of those whose trees are looked at.
         pub listed: u32,
+    }
+
+    /// What selection found out about a tree of a listed block, for each thread that looked at one.
+    #[derive(PartialEq)]
+    pub struct GpuTreeDraw as "TreeDraw" {
+        /// Points of the whole tree | whether some of them were not drawn in the first phase << 31.
+        pub count: u32,
+        /// Of its splats, world units.
+        pub radius: f32,
+        /// Clusters that are drawn in this phase; until `cull_clusters`, those that may be.
+        pub mask: u32,
+        /// Of no tree: a list of those that are looked at cluster by cluster.
+        pub near: u32,
     }
 
     /// Consecutive points of one instance, or samples of a grove, as many as are drawn.
@@ -161,13 +210,14 @@ gpu_types! {
         pub inverse_step: [f32; 3],
         /// First point in the pool; first sample for a grove.
         pub first_point: u32,
-        /// Area of a splat before overlap, world units²: of the disc, or of the cell as its peeling direction sees it.
+        /// Area of a splat before overlap, world units²: of the disc, or of the cell as its peeling direction sees it. Of a grove:
+        /// the distance from which its points thin out.
         pub area: f32,
-        /// What leaves overlap for their size.
+        /// What leaves overlap for their size. Of a grove: the distance from which none is left.
         pub leaf_overlap: f32,
         /// 1 / (2 spacing), the mean distance of drawn points in LDI pixels.
         pub half_inverse_spacing: f32,
-        /// Points (7 bits) | as discs << 7, or of a grove: points | its block << 8.
+        /// Points (7 bits) | as discs << 7, or of a grove: points | its first instance / 32 << 8.
         pub count_flags: u32,
     }
 
@@ -218,14 +268,20 @@ gpu_types! {
         pub pyramid_previous: u32,
         /// Place of the first texel of this frame's.
         pub pyramid_current: u32,
-        /// Strength of the contrast correction, 0 to 1.
-        pub contrast: f32,
+        /// Of the view's blocks, the first so many may be looked at tree by tree.
+        pub listable_blocks: u32,
         /// Place of the first run of a grove in the list of runs.
         pub first_grove_run: u32,
         /// 0: trees show prefixes of their lists; else windows, those of this turn plus 1.
         pub window: u32,
         /// Samples along each side of a pixel, 1 or 2.
         pub samples_per_side: u32,
+        /// Strength of the contrast correction, 0 to 1.
+        pub contrast: f32,
+        /// Zero.
+        pub pad: u32,
+        /// Zero.
+        pub pad_pair: [u32; 2],
     }
 
     /// What happened, per view and frame.
@@ -269,6 +325,8 @@ gpu_types! {
         pub first_grove_item: u32,
         /// Points of the second phase.
         pub second_points: u32,
+        /// Trees that are looked at cluster by cluster, of the phase in progress.
+        pub near_trees: u32,
     }
 
     /// Arguments of the indirect commands, one buffer a view.
@@ -278,6 +336,10 @@ gpu_types! {
         pub cull: [u32; 3],
         /// Zero.
         pub pad: u32,
+        /// Trees that are looked at cluster by cluster: workgroups x, y, z.
+        pub clusters: [u32; 3],
+        /// Zero.
+        pub pad_clusters: u32,
         /// Work items: workgroups x, y, z.
         pub expand: [u32; 3],
         /// Zero.

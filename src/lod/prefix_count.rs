@@ -12,11 +12,30 @@ pub fn d0(s: f32, z0: f32) -> f32 {
     s * z0
 }
 
-/// `N = N0 (s Z0 / d)² q`, clamped to `N0`: points wanted at distance `d`, not yet rounded. The paper's eq. 1, where
-/// `q` is 1. A distance of 0 gives `N0`.
+/// Trees of fewer points get fewer for each of their pixels: see [`thinned`].
+pub const FULL_POINTS: f32 = 4096.0;
+
+/// Share of its points that no tree goes below: see [`thinned`].
+pub const LEAST_SHARE: f32 = 0.25;
+
+/// Points of a tree that would have `n` if it had as many a pixel as a near one. What is in front of each other in a small
+/// crown is not told apart, and the splats of fewer points are as much larger: `n` from [`FULL_POINTS`] on, `n^1.5` below,
+/// down to [`LEAST_SHARE`] of `n`. It grows with `n`, so that prefixes of groves stay prefixes.
+pub fn thinned(n: f32) -> f32 {
+    n * (n / FULL_POINTS).sqrt().clamp(LEAST_SHARE, 1.0)
+}
+
+/// The inverse of [`thinned`].
+pub fn unthinned(n: f64) -> f64 {
+    let (full, share) = (f64::from(FULL_POINTS), f64::from(LEAST_SHARE));
+    (n * n * full).cbrt().max(n).min(n / share)
+}
+
+/// `N = N0 (s Z0 / d)² q`, [`thinned`] and clamped to `N0`: points wanted at distance `d`, not yet rounded. The paper's eq. 1,
+/// where `q` is 1 and no tree is thinned. A distance of 0 gives `N0`.
 pub fn prefix_count(n0: f32, s: f32, z0: f32, d: f32, quality: f32) -> f32 {
     let ratio = d0(s, z0) / d.max(1e-6);
-    (n0 * quality * ratio * ratio).min(n0)
+    thinned(n0 * quality * ratio * ratio).min(n0)
 }
 
 /// A whole number of points with mean `wanted`: rounds up with a probability of its fraction. `hash` is in [0, 1)
@@ -36,9 +55,20 @@ mod tests {
         let s = 0.02;
         let d0 = d0(s, z0);
         assert_eq!(prefix_count(100_000.0, s, z0, 0.0, 1.0), 100_000.0);
-        for (times, share) in [(1.0, 1.0), (2.0, 0.25), (4.0, 1.0 / 16.0), (8.0, 1.0 / 64.0)] {
+        for (times, share) in [(1.0, 1.0), (2.0, 0.25), (4.0, 1.0 / 16.0)] {
             let n = prefix_count(100_000.0, s, z0, d0 * times, 1.0);
             assert!((n - 100_000.0 * share).abs() < 1.0, "{times} d0 gives {n}");
+        }
+    }
+
+    #[test]
+    fn small_trees_get_fewer_points_a_pixel_and_never_more_by_distance() {
+        let thin = [8192.0, 4096.0, 1024.0, 256.0, 4.0].map(thinned);
+        assert_eq!(thin, [8192.0, 4096.0, 512.0, 64.0, 1.0]);
+        for n in (0..8000).map(|i| f64::from(i) * 0.7) {
+            let back = f64::from(thinned(unthinned(n) as f32));
+            assert!((back - n).abs() <= 1e-6 * n, "{n} {back}");
+            assert!(thinned(n as f32 + 0.1) > thinned(n as f32));
         }
     }
 

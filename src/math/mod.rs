@@ -3,6 +3,7 @@
 
 pub mod block_order;
 pub mod bounding;
+pub mod compact;
 pub mod hash;
 pub mod image_error;
 pub mod occlusion;

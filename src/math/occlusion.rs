@@ -1,13 +1,13 @@
 //! Boxes against a depth pyramid: is all of a box behind what has been drawn? (Greene, Kass and Miller 1993,
 //! "Hierarchical Z-buffer visibility".) The WGSL twin is `shaders/lib/occlusion.wgsl`.
 //!
-//! The pyramid keeps the *farthest* depth of squares of 8, 32, 128 and 512 pixels; a box is hidden if its nearest corner is
-//! farther than that in every square that it meets. Depths are reversed: 1 is near, 0 is far.
+//! The pyramid keeps the *farthest* depth of squares of 4, 16, 64, 256 and 1,024 pixels; a box is hidden if its nearest corner
+//! is farther than that in every square that it meets. Depths are reversed: 1 is near, 0 is far.
 
 use bevy::math::{Mat4, UVec2, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 /// Levels of a pyramid.
-pub const PYRAMID_LEVELS: u32 = 4;
+pub const PYRAMID_LEVELS: u32 = 5;
 
 /// A box on the screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,9 +57,9 @@ pub fn screen_box(clip_from_box: &Mat4, lo: Vec3, extent: Vec3, size: Vec2) -> S
     found
 }
 
-/// Side of a texel of a level, in pixels: 8, 32, 128, 512.
+/// Side of a texel of a level, in pixels: 4, 16, 64, 256, 1,024.
 pub fn pyramid_side(level: u32) -> u32 {
-    8 << (2 * level)
+    4 << (2 * level)
 }
 
 /// Texels of a level for a picture of `size` pixels.
@@ -143,9 +143,10 @@ mod tests {
 
     #[test]
     fn levels_cover_the_picture() {
-        assert_eq!(pyramid_size(SIZE, 0), UVec2::new(42, 24));
-        assert_eq!(pyramid_size(SIZE, 3), UVec2::ONE);
-        assert_eq!([10.0, 32.0, 33.0, 129.0, 600.0, 1e9].map(pyramid_level), [0, 0, 1, 2, 3, 3]);
+        assert_eq!(pyramid_size(SIZE, 0), UVec2::new(83, 48));
+        assert_eq!(pyramid_size(SIZE, 4), UVec2::ONE);
+        let spans = [10.0, 16.0, 17.0, 65.0, 300.0, 1e9];
+        assert_eq!(spans.map(pyramid_level), [0, 0, 1, 2, 3, 4]);
         let all = pyramid(&vec![0.5; 330 * 190], SIZE, false);
         assert_eq!(all.len() as u32, pyramid_offset(SIZE, PYRAMID_LEVELS));
         assert!(all.iter().all(|depth| *depth == 0.5));
@@ -155,12 +156,12 @@ mod tests {
     fn closing_ignores_holes_of_a_pixel() {
         let mut depths = vec![0.5; 330 * 190];
         depths[20 * 330 + 21] = 0.0;
-        assert_eq!(pyramid(&depths, SIZE, false)[2 * 42 + 2], 0.0);
-        assert_eq!(pyramid(&depths, SIZE, true)[2 * 42 + 2], 0.5);
+        assert_eq!(pyramid(&depths, SIZE, false)[5 * 83 + 5], 0.0);
+        assert_eq!(pyramid(&depths, SIZE, true)[5 * 83 + 5], 0.5);
         for (x, y) in [(22, 20), (23, 20), (22, 21), (23, 21)] {
             depths[y * 330 + x] = 0.0;
         }
-        assert_eq!(pyramid(&depths, SIZE, true)[2 * 42 + 2], 0.0);
+        assert_eq!(pyramid(&depths, SIZE, true)[5 * 83 + 5], 0.0);
     }
 
     #[test]

@@ -77,7 +77,7 @@ impl ViewCounters {
         let (points, items, pixels) =
             (u64::from(self.points), u64::from(self.items), u64::from(self.covered_pixels));
         let instances = u64::from(self.instances_seen - self.culled_in_tiles);
-        instances * 32 + items * (20 + 80) + points * 8 + pixels * (16 + 16 + 32 + 8)
+        instances * 24 + items * (20 + 80) + points * 8 + pixels * (16 + 16 + 24 + 8)
     }
 }
 

@@ -5,7 +5,9 @@
 //! not on when it came. Cost: O(tiles + seen log seen).
 
 use super::residency::{InstancePool, Tile};
-use crate::{gpu::types::GpuViewBlock, lod::fade::ViewRange, math::bounding::Aabb};
+use crate::{
+    forest::view_scale, gpu::types::GpuViewBlock, lod::fade::ViewRange, math::bounding::Aabb,
+};
 use bevy::{camera::visibility::RenderLayers, math::Vec4, prelude::*};
 use std::ops::Range;
 
@@ -16,6 +18,10 @@ pub(super) struct TileView<'a> {
     pub eye: Vec3,
     pub orthographic: bool,
     pub layers: &'a RenderLayers,
+    /// `q`.
+    pub quality: f32,
+    /// Of a world unit at distance 1.
+    pub pixels_per_unit: f32,
 }
 
 /// Forests and trees, before the GPU looks at them one by one.
@@ -37,6 +43,8 @@ pub(super) struct TileCounts {
 #[derive(Debug, Default)]
 pub(super) struct SeenTiles {
     pub blocks: Vec<GpuViewBlock>,
+    /// Of the blocks, the first so many may have to be looked at tree by tree; the others are groves for certain.
+    pub listable: u32,
     pub counts: TileCounts,
 }
 
@@ -59,6 +67,18 @@ impl TileView<'_> {
     /// From the eye to the box.
     fn distance_squared(&self, bounds: &Aabb) -> f32 {
         self.eye.clamp(bounds.min, bounds.max.max(bounds.min)).distance_squared(self.eye)
+    }
+
+    /// Whether a block of a tile may be so near that its grove lacks points.
+    fn lists(&self, tile: &Tile) -> bool {
+        let nearest = match self.orthographic {
+            true => 1.0,
+            false => self.distance_squared(&tile.bounds).sqrt(),
+        };
+        // The GPU rounds, too.
+        let k = view_scale(self.quality, self.pixels_per_unit, nearest) * 1.001;
+        let is_grove = k < tile.blocks.complete_below();
+        !is_grove
     }
 
     /// Tiles by these numbers come in the order in which they are drawn. No two tiles have the same, but for tiles at one
@@ -84,6 +104,7 @@ pub(super) fn cull_tiles(pool: &InstancePool, view: &TileView) -> SeenTiles {
     for run in pool.impostors.iter().filter(|run| run.layers.intersects(view.layers)) {
         push_blocks(&mut out.blocks, run.blocks.clone());
     }
+    out.listable = out.blocks.len() as u32;
     let mut seen: Vec<([f32; 5], Entity, &Tile)> = vec![];
     for (entity, tile) in &pool.tiles {
         // Nothing of it is loaded, or it is empty.
@@ -103,6 +124,9 @@ pub(super) fn cull_tiles(pool: &InstancePool, view: &TileView) -> SeenTiles {
     });
     for (_, _, tile) in seen {
         push_blocks(&mut out.blocks, tile.blocks.range());
+        if view.lists(tile) {
+            out.listable = out.blocks.len() as u32;
+        }
     }
     out
 }
@@ -124,9 +148,20 @@ mod tests {
         Aabb { min: center - 10.0, max: center + 10.0 }
     }
 
+    fn looking(layers: &RenderLayers) -> TileView<'_> {
+        TileView {
+            planes: &PLANES,
+            eye: Vec3::ZERO,
+            orthographic: false,
+            layers,
+            quality: 1.0,
+            pixels_per_unit: 500.0,
+        }
+    }
+
     fn sees(bounds: Aabb, view_range: ViewRange, orthographic: bool) -> bool {
         let everyone = RenderLayers::default();
-        let view = TileView { planes: &PLANES, eye: Vec3::ZERO, orthographic, layers: &everyone };
+        let view = TileView { orthographic, ..looking(&everyone) };
         view.sees(&bounds, view_range, &everyone)
     }
 
@@ -159,8 +194,7 @@ mod tests {
     fn layers_have_to_meet() {
         let (camera, forest) = (RenderLayers::from_layers(&[0, 3]), RenderLayers::layer(3));
         let bounds = around(Vec3::NEG_Z * 50.0);
-        let view =
-            TileView { planes: &PLANES, eye: Vec3::ZERO, orthographic: false, layers: &camera };
+        let view = looking(&camera);
         assert!(view.sees(&bounds, default(), &forest));
         assert!(!view.sees(&bounds, default(), &RenderLayers::layer(2)));
     }

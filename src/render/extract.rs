@@ -6,9 +6,9 @@
 use crate::{
     asset::{TreeAsset, TreeData},
     forest::{
-        Forest, GroveSettings, NearMeshes, NearTree, TreeImpostor, TreeInstance, UploadBudget,
+        Forest, GroveSettings, NearMeshes, NearTree, PackedTree, TreeImpostor, TreeInstance,
+        UploadBudget,
     },
-    gpu::types::GpuTreeInstance,
     lod::fade::ViewRange,
 };
 use bevy::{
@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// A visible forest as the render world sees it.
 pub(super) struct ExtractedForest {
     pub species: Arc<[Handle<TreeAsset>]>,
-    pub instances: Arc<Vec<GpuTreeInstance>>,
+    pub instances: Arc<Vec<PackedTree>>,
     pub transform: Affine3A,
     pub view_range: ViewRange,
     pub layers: RenderLayers,

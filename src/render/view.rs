@@ -1,17 +1,18 @@
 //! Buffers and settings of each camera's view.
 
+mod buffers;
 mod fit;
 
 use super::{
     counters::{CounterReadback, TreelineCounters},
-    cull_tiles::{TileCounts, TileView, cull_tiles},
+    cull_tiles::{SeenTiles, TileCounts, TileView, cull_tiles},
     residency::{InstancePool, SurfelPool},
 };
 use crate::{
     forest::{Occlusion, QualityFactor, SplatShape, TemporalSampling, TreelineSettings},
     gpu::types::{
-        GpuCounters, GpuIndirectArgs, GpuRun, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
-        GpuWorkItem, POINTS_PER_ITEM, RESOLVE_BLOCK,
+        GpuCounters, GpuIndirectArgs, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
+        POINTS_PER_ITEM,
     },
     lod::{prefix_count::z0, window::WINDOW_CYCLE},
     math::occlusion::{PYRAMID_LEVELS, pyramid_offset},
@@ -24,13 +25,16 @@ use bevy::{
     prelude::*,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
-        render_resource::{Buffer, BufferDescriptor, BufferUsages},
+        render_resource::{Buffer, BufferUsages},
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
         view::{ExtractedView, Msaa, RetainedViewEntity},
     },
 };
 
+use buffers::{
+    DRAW_BYTES, block_buffer, buffer, draw_buffer, item_buffers, pixel_buffers, run_buffer,
+};
 use fit::Fit;
 
 /// GPU side of one view.
@@ -38,6 +42,8 @@ pub(super) struct ViewBuffers {
     /// One for each phase, [`PHASE_STRIDE`] bytes apart.
     pub settings: Buffer,
     pub view_blocks: Buffer,
+    /// What selection finds out about each tree of the blocks that it may look into.
+    pub draws: Buffer,
     pub runs: Buffer,
     pub items: Buffer,
     pub splat_items: Buffer,
@@ -58,12 +64,15 @@ pub(super) struct ViewBuffers {
     pub two_phases: bool,
     /// Blocks of instances that the view selects from.
     pub block_count: u32,
+    /// Of these, the first so many may be looked at tree by tree.
+    pub listable_blocks: u32,
     pub tile_counts: TileCounts,
     /// `q` as drawn: the camera's, times its governor's factor and what fits.
     pub quality: f32,
     /// What `view_blocks` begins with.
     written_blocks: Vec<GpuViewBlock>,
     block_capacity: u32,
+    draw_capacity: u32,
     item_capacity: u32,
     /// View of the frame before, if it left a pyramid.
     previous_clip_from_world: Option<Mat4>,
@@ -85,21 +94,29 @@ const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
 const TOO_MANY_BLOCKS: &str = "blocks";
 
 impl ViewBuffers {
-    /// Makes these the blocks that the view selects from. At most `most` fit.
+    /// Makes these the blocks that the view selects from. At most `most` fit, and room for the trees of `most_listable`.
     fn select_from(
         &mut self,
-        blocks: Vec<GpuViewBlock>,
-        most: u32,
+        seen: SeenTiles,
+        (most, most_listable): (u32, u32),
         device: &RenderDevice,
         queue: &RenderQueue,
     ) {
+        let SeenTiles { blocks, listable, .. } = seen;
         self.block_count = blocks.len() as u32;
+        self.listable_blocks = listable;
+        // Room for more, so that turning the camera does not make new buffers each frame.
+        let with_room = |count: u32, most: u32| count.saturating_add(count / 2).min(most);
         if self.block_count > self.block_capacity {
-            // Room for more, so that turning the camera does not make new buffers each frame.
-            self.block_capacity = self.block_count.saturating_add(self.block_count / 2).min(most);
+            self.block_capacity = with_room(self.block_count, most);
             self.view_blocks = block_buffer(device, self.block_capacity);
             self.runs = run_buffer(device, self.item_capacity, self.block_capacity);
             self.written_blocks.clear();
+        }
+        // All trees are looked at until their groves are made: that room is given back.
+        if listable > self.draw_capacity || listable < self.draw_capacity / 4 {
+            self.draw_capacity = with_room(listable, most_listable);
+            self.draws = draw_buffer(device, self.draw_capacity);
         }
         if self.written_blocks != blocks {
             queue.write_buffer(&self.view_blocks, 0, bytemuck::cast_slice(&blocks));
@@ -149,54 +166,6 @@ pub(super) struct SplatVariant {
     /// Discs for some of the trees, where the others are cells.
     pub mixed: bool,
     pub parallel: bool,
-}
-
-fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
-    // A binding holds one element at least.
-    let size = size.max(256);
-    device.create_buffer(&BufferDescriptor {
-        label: Some(label),
-        size,
-        usage,
-        mapped_at_creation: false,
-    })
-}
-
-fn pixel_buffers(device: &RenderDevice, size: UVec2, samples: u32) -> [Buffer; 3] {
-    let pixels = u64::from(size.x) * u64::from(size.y) * u64::from(samples);
-    let blocks =
-        u64::from(size.x.div_ceil(RESOLVE_BLOCK)) * u64::from(size.y.div_ceil(RESOLVE_BLOCK));
-    let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-    let texels = u64::from(pyramid_offset(size, PYRAMID_LEVELS));
-    [
-        buffer(device, "treeline_visibility", pixels * 8, storage),
-        buffer(device, "treeline_blocks", blocks * 4, BufferUsages::STORAGE),
-        buffer(device, "treeline_pyramid", 2 * texels * 4, storage),
-    ]
-}
-
-fn block_buffer(device: &RenderDevice, blocks: u32) -> Buffer {
-    let size = u64::from(blocks) * size_of::<GpuViewBlock>() as u64;
-    let written = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-    buffer(device, "treeline_view_blocks", size, written)
-}
-
-/// Runs of trees, each with an item, and of groves, one a block.
-fn run_buffer(device: &RenderDevice, items: u32, blocks: u32) -> Buffer {
-    let size = (u64::from(items) + u64::from(blocks)) * size_of::<GpuRun>() as u64;
-    buffer(device, "treeline_runs", size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
-}
-
-/// Items, and how they come to the screen.
-fn item_buffers(device: &RenderDevice, capacity: u32) -> [Buffer; 2] {
-    let of = |label, bytes: usize| {
-        let size = u64::from(capacity) * bytes as u64;
-        buffer(device, label, size, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
-    };
-    [
-        of("treeline_items", size_of::<GpuWorkItem>()),
-        of("treeline_splat_items", size_of::<GpuSplatItem>()),
-    ]
 }
 
 /// Makes and sizes the buffers of every camera's view, and writes its settings.
@@ -272,6 +241,7 @@ pub(super) fn prepare_views(
                     uniform,
                 ),
                 view_blocks: block_buffer(&device, 0),
+                draws: draw_buffer(&device, 0),
                 runs: run_buffer(&device, item_capacity, 0),
                 items,
                 splat_items,
@@ -293,10 +263,12 @@ pub(super) fn prepare_views(
                 fit: default(),
                 samples: settings.samples,
                 block_count: 0,
+                listable_blocks: 0,
                 tile_counts: default(),
                 quality: settings.quality,
                 written_blocks: vec![],
                 block_capacity: 0,
+                draw_capacity: 0,
                 item_capacity,
                 used: true,
                 warned: vec![],
@@ -310,6 +282,18 @@ pub(super) fn prepare_views(
             (buffers.size, buffers.samples) = (size, settings.samples);
             buffers.previous_clip_from_world = None;
         }
+        if buffers.item_capacity != item_capacity {
+            [buffers.items, buffers.splat_items] = item_buffers(&device, item_capacity);
+            buffers.runs = run_buffer(&device, item_capacity, buffers.block_capacity);
+            buffers.item_capacity = item_capacity;
+            buffers.fit = default();
+        }
+        if let Some(counters) = counters.of(main_entity.id()) {
+            buffers.fit.update(&counters, item_capacity, readback.frame());
+        }
+        let factor = factor.copied().unwrap_or_default().get();
+        buffers.quality = settings.quality * factor * buffers.fit.factor;
+        let pixels_per_unit = z0(size.y as f32, view.clip_from_view.y_axis.y);
         let orthographic = view.clip_from_view.w_axis.w == 1.0;
         let frozen = settings.culling_view;
         let frozen_frustum =
@@ -325,31 +309,24 @@ pub(super) fn prepare_views(
             eye: frozen.map_or(view.world_from_view.translation(), |frozen| frozen.eye),
             orthographic,
             layers: layers.unwrap_or(&everyone),
+            quality: buffers.quality,
+            pixels_per_unit,
         };
         let mut seen = cull_tiles(&instances, &tile_view);
-        let most_blocks = (binding_limit / size_of::<GpuViewBlock>() as u64) as usize;
-        if seen.blocks.len() > most_blocks {
+        let most_blocks = (binding_limit / size_of::<GpuViewBlock>() as u64) as u32;
+        let most_listable = (binding_limit / DRAW_BYTES) as u32;
+        if seen.blocks.len() > most_blocks as usize || seen.listable > most_listable {
             if !buffers.warned.contains(&TOO_MANY_BLOCKS) {
                 warn!(
                     "a view sees more trees than this device can select from: the farthest are not drawn"
                 );
                 buffers.warned.push(TOO_MANY_BLOCKS);
             }
-            seen.blocks.truncate(most_blocks);
+            seen.blocks.truncate(most_blocks as usize);
+            seen.listable = seen.listable.min(most_listable);
         }
-        buffers.select_from(seen.blocks, most_blocks as u32, &device, &queue);
         buffers.tile_counts = seen.counts;
-        if buffers.item_capacity != item_capacity {
-            [buffers.items, buffers.splat_items] = item_buffers(&device, item_capacity);
-            buffers.runs = run_buffer(&device, item_capacity, buffers.block_capacity);
-            buffers.item_capacity = item_capacity;
-            buffers.fit = default();
-        }
-        if let Some(counters) = counters.of(main_entity.id()) {
-            buffers.fit.update(&counters, item_capacity, readback.frame());
-        }
-        let factor = factor.copied().unwrap_or_default().get();
-        buffers.quality = settings.quality * factor * buffers.fit.factor;
+        buffers.select_from(seen, (most_blocks, most_listable), &device, &queue);
         for name in moved {
             if !buffers.warned.contains(&name) {
                 warn!(
@@ -385,7 +362,7 @@ pub(super) fn prepare_views(
                 .to_array(),
             block_count: buffers.block_count,
             item_capacity,
-            pixels_per_unit: z0(size.y as f32, view.clip_from_view.y_axis.y),
+            pixels_per_unit,
             quality: buffers.quality,
             min_mesh_distance: settings.min_mesh_distance,
             fade_width: settings.fade_width,
@@ -408,10 +385,13 @@ pub(super) fn prepare_views(
             previous_valid: u32::from(previous.is_some()),
             pyramid_previous: (1 - buffers.pyramid_half) * texels,
             pyramid_current: buffers.pyramid_half * texels,
-            contrast: settings.contrast,
+            listable_blocks: buffers.listable_blocks,
             first_grove_run: item_capacity,
             window: buffers.next_window(settings.temporal, jitter.is_some()),
             samples_per_side: if settings.samples > 1 { 2 } else { 1 },
+            contrast: settings.contrast,
+            pad: 0,
+            pad_pair: [0; 2],
         };
         let second_phase = GpuSelectSettings { phase: 1, ..first_phase };
         for (phase, settings) in [first_phase, second_phase].iter().enumerate() {

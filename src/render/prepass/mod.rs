@@ -185,8 +185,8 @@ pub(super) fn prepare_prepass_groups(
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(pipeline), Some(surfels), Some(tree_buffer)) =
-        (pipeline, &surfels.buffers, &instances.buffer)
+    let (Some(pipeline), Some(surfels), Some(buffers)) =
+        (pipeline, &surfels.buffers, &instances.buffers)
     else {
         return;
     };
@@ -205,7 +205,7 @@ pub(super) fn prepare_prepass_groups(
         let bound = [
             &view.visibility,
             &view.blocks,
-            tree_buffer,
+            &buffers.looks,
             &view.items,
             &surfels.hot,
             &surfels.cold,

@@ -4,6 +4,7 @@
 
 use super::packing::PackedBlock;
 use crate::{
+    forest::GroveList,
     gpu::types::{GpuInstanceBlock, SELECT_WORKGROUP},
     lod::fade::ViewRange,
 };
@@ -15,8 +16,9 @@ pub(in crate::render) struct TileBlocks {
     /// Index of the first in the table.
     pub first: u32,
     pub all: Vec<GpuInstanceBlock>,
-    /// Its part of the groves' samples.
+    /// Its part of the groves' samples, in words of two.
     pub samples: Range<u32>,
+    complete_below: f32,
 }
 
 impl TileBlocks {
@@ -42,9 +44,29 @@ impl TileBlocks {
         Self { all: packed.iter().enumerate().map(block).collect(), ..Default::default() }
     }
 
+    /// Tells the blocks where their groves lie: samples from the word `first` on, lists in the order of the blocks.
+    pub fn set_groves(&mut self, first: u32, lists: &[GroveList]) {
+        let mut next = 2 * first;
+        for (block, list) in self.all.iter_mut().zip(lists) {
+            block.first_sample = next;
+            block.complete_below = list.complete_below;
+            block.top = list.top;
+            block.marks = list.marks;
+            next += list.samples.len() as u32;
+        }
+        self.samples = first..next.div_ceil(2);
+        self.complete_below =
+            lists.iter().map(|list| list.complete_below).fold(f32::INFINITY, f32::min);
+    }
+
     /// Indices in the table.
     pub fn range(&self) -> Range<u32> {
         self.first..self.first + self.all.len() as u32
+    }
+
+    /// View scales below which every block is drawn as a grove; 0 until groves are made.
+    pub fn complete_below(&self) -> f32 {
+        self.complete_below
     }
 
     /// Takes over another view range; false if it is the same.

@@ -20,7 +20,7 @@ use bevy::{
 use std::{collections::VecDeque, sync::Arc};
 
 /// Tiles in the making at one time: bounds the memory of the copies that tasks work on.
-const TASKS: usize = 64;
+const TASKS: usize = 512;
 /// Bytes of samples that are written in a frame at most, so that streaming never holds one up.
 const WRITE_BYTES: usize = 8 << 20;
 /// Smallest scale of a view that groves are made for: pixels per world unit at distance 1.
@@ -39,6 +39,7 @@ struct Request {
 
 /// The samples of all groves.
 pub(super) struct Groves {
+    /// Two a word.
     pub samples: SliceBuffer,
     requests: VecDeque<Request>,
     tasks: Vec<(Entity, u64, Task<Vec<GroveList>>)>,
@@ -102,7 +103,7 @@ impl Groves {
             && let Some((tile, revision, task)) = self.tasks.first_mut()
             && let Some(lists) = block_on(poll_once(task))
         {
-            bytes += lists.iter().map(|list| list.samples.len() * 4).sum::<usize>();
+            bytes += lists.iter().map(|list| list.samples.len() * 2).sum::<usize>();
             ready.push(Grown { tile: *tile, revision: *revision, lists });
             drop(self.tasks.remove(0));
         }
@@ -117,21 +118,17 @@ impl Groves {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        let samples: Vec<u32> =
+        let samples: Vec<u16> =
             grown.lists.iter().flat_map(|list| &list.samples).copied().collect();
-        let Some(first) = self.samples.allocate(samples.len() as u32, device, queue) else {
+        let words: Vec<u32> = samples
+            .chunks(2)
+            .map(|two| u32::from(two[0]) | u32::from(*two.get(1).unwrap_or(&0)) << 16)
+            .collect();
+        let Some(first) = self.samples.allocate(words.len() as u32, device, queue) else {
             return false;
         };
-        self.samples.write(first, bytemuck::cast_slice(&samples), queue);
-        blocks.samples = first..first + samples.len() as u32;
-        let mut next = first;
-        for (block, list) in blocks.all.iter_mut().zip(&grown.lists) {
-            block.first_sample = next;
-            block.complete_below = list.complete_below;
-            block.top = list.top;
-            block.marks = list.marks;
-            next += list.samples.len() as u32;
-        }
+        self.samples.write(first, bytemuck::cast_slice(&words), queue);
+        blocks.set_groves(first, &grown.lists);
         true
     }
 }

@@ -1,19 +1,21 @@
-//! The instances of all forests and single trees in one buffer: a slice for each forest, and one for the single trees.
+//! The instances of all forests and single trees in two buffers: a slice for each forest, and one for the single trees.
 //!
-//! In: forests that came, changed or went, single trees, near meshes. Out: the buffer, and a [`Tile`] for each forest: where
-//! it lies, in the buffer and in the world. The trees of a large forest are sorted by place, so that its blocks are compact,
+//! In: forests that came, changed or went, single trees, near meshes. Out: the buffers, and a [`Tile`] for each forest: where
+//! it lies, in the buffers and in the world. The trees of a large forest are sorted by place, so that its blocks are compact,
 //! and become groves. Only what changed is packed and written; a larger buffer is filled by a copy
 //! on the GPU. Cost: nothing while nothing changes; else a look at each forest, and the trees of those that changed.
 
+mod buffers;
 mod impostors;
 
 use super::{
     blocks::TileBlocks,
     groves::Groves,
-    packing::{pack_forest, species_word},
+    packing::{WorldFromForest, pack_forest},
     surfels::{SpeciesSlot, SurfelPool},
 };
 use crate::{
+    forest::PackedTree,
     gpu::{
         slice_buffer::SliceBuffer,
         types::{GpuInstanceBlock, GpuTreeInstance, INSTANCE_HAS_MESH, SELECT_WORKGROUP},
@@ -28,22 +30,19 @@ use bevy::{
     platform::collections::HashMap,
     prelude::*,
     render::{
-        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
+        render_resource::Buffer,
         renderer::{RenderDevice, RenderQueue},
     },
 };
 use std::sync::Arc;
 
+pub(in crate::render) use buffers::InstanceBuffers;
+use buffers::Writer;
 use impostors::{ImpostorRun, ImpostorSlice};
 
-/// Instances of a unit of the allocator: slices begin and end at multiples. A tile of a few trees wastes 1 KiB at most.
+/// Instances of a unit of the allocator: slices begin and end at multiples, as `GROVE_UNIT` in WGSL. A tile of a few trees
+/// wastes 768 bytes at most.
 const UNIT: u32 = 32;
-/// Instances of a write at most: bounds the memory that holds them meanwhile.
-const WRITE_INSTANCES: usize = 1 << 19;
-const INSTANCE_BYTES: u64 = size_of::<GpuTreeInstance>() as u64;
-/// Byte offset of the flags within an instance.
-const FLAGS_OFFSET: u64 = std::mem::offset_of!(GpuTreeInstance, species_seed_flags) as u64;
-
 const _: () = assert!(SELECT_WORKGROUP.is_multiple_of(UNIT));
 
 /// A forest that is resident.
@@ -59,7 +58,8 @@ pub(in crate::render) struct Tile {
     pub view_range: ViewRange,
     pub layers: RenderLayers,
     pub blocks: TileBlocks,
-    instances: Arc<Vec<GpuTreeInstance>>,
+    instances: Arc<Vec<PackedTree>>,
+    world_from_forest: WorldFromForest,
     /// Place in the slice of each tree of the forest. Empty: as they come.
     places: Vec<u32>,
     species: Vec<SpeciesSlot>,
@@ -69,7 +69,7 @@ pub(in crate::render) struct Tile {
 /// All instances.
 #[derive(Resource)]
 pub(in crate::render) struct InstancePool {
-    pub buffer: Option<Buffer>,
+    pub buffers: Option<InstanceBuffers>,
     pub blocks: SliceBuffer,
     groves: Groves,
     pub tiles: EntityHashMap<Tile>,
@@ -92,7 +92,7 @@ impl FromWorld for InstancePool {
         let device = world.resource::<RenderDevice>();
         let stride = size_of::<GpuInstanceBlock>() as u64;
         Self {
-            buffer: None,
+            buffers: None,
             blocks: SliceBuffer::new("treeline_instance_blocks", stride, 64, device),
             groves: Groves::new(device),
             tiles: default(),
@@ -113,36 +113,6 @@ fn units(instances: usize) -> u32 {
     instances.div_ceil(UNIT as usize).try_into().unwrap_or(u32::MAX)
 }
 
-/// Writes to the buffer, those that follow each other as one.
-struct Writer<'a> {
-    device: &'a RenderDevice,
-    queue: &'a RenderQueue,
-    first: u32,
-    data: Vec<GpuTreeInstance>,
-}
-
-impl Writer<'_> {
-    /// Goes on at `first`, on a unit.
-    fn seek(&mut self, first: u32, buffer: Option<&Buffer>) {
-        let padded = self.data.len().next_multiple_of(UNIT as usize);
-        let follows = self.first as usize + padded == first as usize;
-        if !follows || padded >= WRITE_INSTANCES {
-            self.flush(buffer);
-            self.first = first;
-        } else {
-            self.data.resize(padded, bytemuck::Zeroable::zeroed());
-        }
-    }
-
-    fn flush(&mut self, buffer: Option<&Buffer>) {
-        if let Some(buffer) = buffer.filter(|_| !self.data.is_empty()) {
-            let at = u64::from(self.first) * INSTANCE_BYTES;
-            self.queue.write_buffer(buffer, at, bytemuck::cast_slice(&self.data));
-        }
-        self.data.clear();
-    }
-}
-
 /// Brings the instance buffer up to date.
 pub(in crate::render) fn prepare_instances(
     mut pool: ResMut<InstancePool>,
@@ -151,7 +121,7 @@ pub(in crate::render) fn prepare_instances(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
-    let mut writer = Writer { device: &device, queue: &queue, first: 0, data: vec![] };
+    let mut writer = Writer::new(&device, &queue);
     let is_behind = pool.revision != trees.revision
         || pool.surfel_generation != surfels.generation
         || pool.waiting > 0;
@@ -178,7 +148,8 @@ impl InstancePool {
 
     /// Bytes on the GPU that trees take, whatever their species: instances, blocks, groves.
     pub fn bytes(&self) -> u64 {
-        let instances = u64::from(self.slices.used()) * u64::from(UNIT) * INSTANCE_BYTES;
+        let instances =
+            u64::from(self.slices.used()) * u64::from(UNIT) * size_of::<GpuTreeInstance>() as u64;
         let blocks = u64::from(self.blocks.used()) * size_of::<GpuInstanceBlock>() as u64;
         instances + blocks + u64::from(self.groves.samples.used()) * 4
     }
@@ -238,7 +209,7 @@ impl InstancePool {
         stale.sort_unstable();
         new.sort_unstable();
         let bytes_of =
-            |entity: &Entity| trees.forests[entity].instances.len() * INSTANCE_BYTES as usize;
+            |entity: &Entity| trees.forests[entity].instances.len() * size_of::<GpuTreeInstance>();
         let budget = trees.upload_budget.bytes_per_frame.filter(|_| !was_empty);
         let mut bytes: usize = stale.iter().map(|(_, entity)| bytes_of(entity)).sum();
         // One always fits: a forest larger than the budget arrives, too.
@@ -263,7 +234,7 @@ impl InstancePool {
                 continue;
             };
             to_come = to_come.saturating_sub(units_of(&entity));
-            writer.seek(first, self.buffer.as_ref());
+            writer.seek(first, self.buffers.as_ref());
             if let Some(tile) = self.pack_tile(forest, first, slots_of(forest), writer) {
                 let packed = &writer.data[writer.data.len() - tile.count as usize..];
                 let fade_end = forest.view_range.end;
@@ -277,7 +248,7 @@ impl InstancePool {
                 self.waiting += 1;
             }
         }
-        writer.flush(self.buffer.as_ref());
+        writer.flush(self.buffers.as_ref());
         self.revision = trees.revision;
         self.surfel_generation = surfels.generation;
     }
@@ -296,10 +267,11 @@ impl InstancePool {
         let order: Vec<u32> = if is_one_block {
             (0..instances.len() as u32).collect()
         } else {
-            let positions: Vec<Vec3> = instances.iter().map(|tree| tree.position.into()).collect();
+            let positions: Vec<Vec3> = instances.iter().map(|tree| tree.position).collect();
             block_order(&positions, block)
         };
-        let packed = pack_forest(instances, &order, &forest.transform, &species, &mut writer.data);
+        let world_from_forest = WorldFromForest::new(forest.transform);
+        let packed = pack_forest(instances, &order, &world_from_forest, &species, &mut writer.data);
         let mut blocks = TileBlocks::new(first, &packed, forest.view_range);
         let count = blocks.all.len() as u32;
         blocks.first = self.blocks.allocate(count, writer.device, writer.queue)?;
@@ -320,6 +292,7 @@ impl InstancePool {
             layers: forest.layers.clone(),
             blocks,
             instances: instances.clone(),
+            world_from_forest,
             places,
             species,
             packed_revision: forest.packed_revision,
@@ -346,11 +319,11 @@ impl InstancePool {
         }
         let limits = writer.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let most = (limit / INSTANCE_BYTES).min(u32::MAX.into()) as u32 / UNIT;
+        let most = (limit / InstanceBuffers::MOST_BYTES).min(u32::MAX.into()) as u32 / UNIT;
         let now = self.slices.capacity();
         let wanted = now.saturating_add(to_come.max(units).max(now / 2)).min(most);
         if wanted > now {
-            writer.flush(self.buffer.as_ref());
+            writer.flush(self.buffers.as_ref());
             self.grow(wanted, writer);
         }
         let begin = self.slices.allocate(units);
@@ -365,45 +338,29 @@ impl InstancePool {
     }
 
     fn grow(&mut self, units: u32, writer: &Writer) {
-        let buffer = writer.device.create_buffer(&BufferDescriptor {
-            label: Some("treeline_instances"),
-            size: u64::from(units) * u64::from(UNIT) * INSTANCE_BYTES,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
-        if let Some(old) = &self.buffer {
-            let label = Some("treeline_grow_instances");
-            let mut encoder =
-                writer.device.create_command_encoder(&CommandEncoderDescriptor { label });
-            encoder.copy_buffer_to_buffer(old, 0, &buffer, 0, old.size());
-            // At once: what is written to the new buffer from here on has to come later.
-            writer.queue.submit([encoder.finish()]);
-        }
-        self.buffer = Some(buffer);
+        let instances = u64::from(units) * u64::from(UNIT);
+        self.buffers = Some(InstanceBuffers::new(instances, self.buffers.as_ref(), writer));
         self.slices.grow(units);
     }
 
     /// Writes the mesh flag of the trees of forests where it changed: a few words a frame.
     fn flag_near_trees(&mut self, trees: &ExtractedTrees, queue: &RenderQueue) {
-        let Some(buffer) = &self.buffer else { return };
-        let write = |index: u32, word: u32| {
-            let at = u64::from(index) * INSTANCE_BYTES + FLAGS_OFFSET;
-            queue.write_buffer(buffer, at, &word.to_le_bytes());
-        };
+        let Some(buffers) = &self.buffers else { return };
         let mut now: HashMap<u32, u32> = default();
         for near in &trees.near {
             let Some(tile) = self.tiles.get(&near.owner) else { continue };
             let Some(packed) = tile.instances.get(near.index as usize) else { continue };
             let place = tile.places.get(near.index as usize).copied().unwrap_or(near.index);
-            let (index, word) = (tile.first + place, species_word(packed, &tile.species));
+            let (tree, _) = tile.world_from_forest.pack(packed, &tile.species);
+            let (index, word) = (tile.first + place, tree.look.species_scale);
             if self.flagged.get(&index) != Some(&word) {
-                write(index, word | INSTANCE_HAS_MESH);
+                buffers.write_species(index, word | INSTANCE_HAS_MESH, queue);
             }
             now.insert(index, word);
         }
         for (index, word) in &self.flagged {
             if !now.contains_key(index) {
-                write(*index, *word);
+                buffers.write_species(*index, *word, queue);
             }
         }
         self.flagged = now;

@@ -173,6 +173,14 @@ pub(in crate::render) fn prepare_surfels(
         let layout = same
             .as_ref()
             .map_or_else(|| Arc::new(TreeClusters::of(tree)), |same| same.clusters.clone());
+        if index >= SPECIES_NOT_RESIDENT as usize {
+            error!(
+                "a tree of {} points is not drawn: {SPECIES_NOT_RESIDENT} species are in use already, the most that there \
+                 can be on the GPU. Use fewer species at once.",
+                tree.point_count()
+            );
+            continue;
+        }
         let bytes = ((hot.len() + layout.points.len()) * size_of::<SurfelHot>()) as u64;
         if bytes > limit {
             error!(

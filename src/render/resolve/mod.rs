@@ -64,8 +64,20 @@ pub(super) fn init_resolve_pipelines(
     let layout = BindGroupLayoutDescriptor::new(
         "treeline_resolve",
         &BindGroupLayoutEntries::sequential(
-            ShaderStages::VERTEX_FRAGMENT,
-            (read(), read(), read(), read(), read(), read(), read(), read(), settings_binding()),
+            ShaderStages::FRAGMENT,
+            (
+                read(),
+                read(),
+                read(),
+                read(),
+                read(),
+                // Covered blocks: corners of quads, and nothing else.
+                read().visibility(ShaderStages::VERTEX),
+                read(),
+                read(),
+                read(),
+                settings_binding().visibility(ShaderStages::VERTEX_FRAGMENT),
+            ),
         ),
     );
     let no_vertices = VertexBufferLayout {
@@ -215,8 +227,8 @@ pub(super) fn prepare_resolve_group(
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(resolve), Some(surfels), Some(tree_buffer)) =
-        (resolve, &surfels.buffers, &instances.buffer)
+    let (Some(resolve), Some(surfels), Some(buffers)) =
+        (resolve, &surfels.buffers, &instances.buffers)
     else {
         return;
     };
@@ -226,7 +238,7 @@ pub(super) fn prepare_resolve_group(
             "treeline_resolve",
             &cache.get_bind_group_layout(&resolve.layout),
             &BindGroupEntries::sequential((
-                tree_buffer.as_entire_binding(),
+                buffers.looks.as_entire_binding(),
                 view.items.as_entire_binding(),
                 surfels.hot.as_entire_binding(),
                 surfels.cold.as_entire_binding(),
@@ -234,6 +246,7 @@ pub(super) fn prepare_resolve_group(
                 view.blocks.as_entire_binding(),
                 surfels.species.as_entire_binding(),
                 instances.samples().as_entire_binding(),
+                buffers.places.as_entire_binding(),
                 bound_settings(view),
             )),
         );

@@ -1,9 +1,10 @@
 //! Selection: which points of which instances a view draws, as work items of up to 64 points.
 //!
-//! Twice a frame, before and after the depth pyramid: `cull_blocks` → `list_blocks` → `cull_instances` → `scan_blocks` →
-//! `emit_runs` → `expand_items`. What a work item draws is a run of the surfel pool: a piece of a cluster's list, or
-//! samples of a grove; a view's own list or a cut through a hierarchy would emit other runs and nothing after this stage
-//! would change.
+//! Twice a frame, before and after the depth pyramid: `cull_blocks` → `list_blocks` → `cull_instances` → `size_clusters` →
+//! `cull_clusters` → `scan_blocks` → `emit_runs` → `expand_items`. Every tree is asked once: what culling finds out stands in a
+//! `TreeDraw`, which `emit_runs` and the second phase read. What a work item draws is a run of the surfel pool: a piece of a
+//! cluster's list, or samples of a grove; a view's own list or a cut through a hierarchy would emit other runs and nothing after
+//! this stage would change.
 
 use super::{
     residency::{InstancePool, SurfelPool},
@@ -27,38 +28,140 @@ use bevy::{
 };
 use std::{mem::offset_of, num::NonZeroU64};
 
-/// The passes, in their order.
-const PASSES: [(&str, &str, Bindings); 6] = [
-    ("cull_blocks", shaders::CULL_BLOCKS, Bindings::Cull),
-    ("list_blocks", shaders::LIST_BLOCKS, Bindings::Scan),
-    ("cull_instances", shaders::CULL_INSTANCES, Bindings::Cull),
-    ("scan_blocks", shaders::SCAN_BLOCKS, Bindings::Scan),
-    ("emit_runs", shaders::EMIT_RUNS, Bindings::Emit),
-    ("expand_items", shaders::EXPAND_ITEMS, Bindings::Expand),
-];
-
-/// What a pass binds besides group 0, so that none needs more than 8 storage buffers.
-#[derive(Clone, Copy)]
-enum Bindings {
-    /// Trees, clusters, pyramids.
-    Cull,
-    /// Arguments of what follows, runs.
-    Scan,
-    /// As `Cull`, and the runs.
-    Emit,
-    /// Runs and items.
-    Expand,
+/// A buffer that passes bind besides those of group 0.
+#[derive(Clone, Copy, PartialEq)]
+enum Bound {
+    Args,
+    Blocks,
+    Clusters,
+    Draws,
+    Items,
+    Looks,
+    Places,
+    Pyramid,
+    Runs,
+    Species,
+    SplatItems,
+    ViewBlocks,
 }
+
+/// How often a pass runs.
+#[derive(Clone, Copy)]
+enum Size {
+    /// A workgroup of 64 threads for each 64 blocks of the view.
+    Blocks,
+    /// One workgroup.
+    One,
+    /// As an earlier pass has found, at this offset of the arguments.
+    Indirect(usize),
+}
+
+/// A pass: what it is called, what it binds (group 1; `true`: and writes), how often it runs. With the counters of group 0 none
+/// needs more than 8 storage buffers.
+struct Pass {
+    entry: &'static str,
+    shader: &'static str,
+    bound: &'static [(Bound, bool)],
+    size: Size,
+}
+
+const PASS_COUNT: usize = 8;
+
+/// In their order.
+const PASSES: [Pass; PASS_COUNT] = [
+    Pass {
+        entry: "cull_blocks",
+        shader: shaders::CULL_BLOCKS,
+        bound: &[(Bound::Pyramid, false), (Bound::Blocks, false), (Bound::ViewBlocks, true)],
+        size: Size::Blocks,
+    },
+    Pass {
+        entry: "list_blocks",
+        shader: shaders::LIST_BLOCKS,
+        bound: &[(Bound::Args, true), (Bound::ViewBlocks, true)],
+        size: Size::One,
+    },
+    Pass {
+        entry: "cull_instances",
+        shader: shaders::CULL_INSTANCES,
+        bound: &[
+            (Bound::Pyramid, false),
+            (Bound::Blocks, false),
+            (Bound::ViewBlocks, true),
+            (Bound::Species, false),
+            (Bound::Places, false),
+            (Bound::Looks, false),
+            (Bound::Draws, true),
+        ],
+        size: Size::Indirect(offset_of!(GpuIndirectArgs, cull)),
+    },
+    Pass {
+        entry: "size_clusters",
+        shader: shaders::SIZE_CLUSTERS,
+        bound: &[(Bound::Args, true)],
+        size: Size::One,
+    },
+    Pass {
+        entry: "cull_clusters",
+        shader: shaders::CULL_CLUSTERS,
+        bound: &[
+            (Bound::Pyramid, false),
+            (Bound::Clusters, false),
+            (Bound::ViewBlocks, true),
+            (Bound::Species, false),
+            (Bound::Places, false),
+            (Bound::Looks, false),
+            (Bound::Draws, true),
+        ],
+        size: Size::Indirect(offset_of!(GpuIndirectArgs, clusters)),
+    },
+    Pass {
+        entry: "scan_blocks",
+        shader: shaders::SCAN_BLOCKS,
+        bound: &[
+            (Bound::Args, true),
+            (Bound::ViewBlocks, true),
+            (Bound::Runs, true),
+            (Bound::Blocks, false),
+        ],
+        size: Size::One,
+    },
+    Pass {
+        entry: "emit_runs",
+        shader: shaders::EMIT_RUNS,
+        bound: &[
+            (Bound::Runs, true),
+            (Bound::Clusters, false),
+            (Bound::ViewBlocks, true),
+            (Bound::Species, false),
+            (Bound::Looks, false),
+            (Bound::Draws, false),
+        ],
+        size: Size::Indirect(offset_of!(GpuIndirectArgs, cull)),
+    },
+    Pass {
+        entry: "expand_items",
+        shader: shaders::EXPAND_ITEMS,
+        bound: &[
+            (Bound::Species, false),
+            (Bound::Places, false),
+            (Bound::Looks, false),
+            (Bound::Runs, false),
+            (Bound::Items, true),
+            (Bound::SplatItems, true),
+            (Bound::Blocks, false),
+        ],
+        size: Size::Indirect(offset_of!(GpuIndirectArgs, expand)),
+    },
+];
 
 #[derive(Resource)]
 pub(super) struct SelectPipelines {
     common: BindGroupLayoutDescriptor,
-    cull: BindGroupLayoutDescriptor,
-    scan: BindGroupLayoutDescriptor,
-    runs: BindGroupLayoutDescriptor,
-    expand: BindGroupLayoutDescriptor,
+    /// Group 1 of each pass.
+    bound: [BindGroupLayoutDescriptor; PASS_COUNT],
     /// Of each phase.
-    passes: [[CachedComputePipelineId; 6]; 2],
+    passes: [[CachedComputePipelineId; PASS_COUNT]; 2],
 }
 
 /// Constants that WGSL gets from Rust.
@@ -105,65 +208,46 @@ pub(super) fn init_select_pipelines(
     asset_server: Res<AssetServer>,
     cache: Res<PipelineCache>,
 ) {
-    let read = || storage_buffer_read_only_sized(false, None);
-    let write = || storage_buffer_sized(false, None);
-    let group = |label: &'static str, entries: &[BindGroupLayoutEntry]| {
-        BindGroupLayoutDescriptor::new(label, entries)
-    };
     let stage = ShaderStages::COMPUTE;
     let counters = storage_buffer_sized(false, NonZeroU64::new(size_of::<GpuCounters>() as u64));
-    let common = group(
+    let common = BindGroupLayoutDescriptor::new(
         "treeline_select",
         &BindGroupLayoutEntries::sequential(
             stage,
-            (
-                uniform_buffer::<ViewUniform>(true),
-                phase_settings_binding(),
-                read(),
-                write(),
-                counters,
-            ),
+            (uniform_buffer::<ViewUniform>(true), phase_settings_binding(), counters),
         ),
     );
-    let cull = group(
-        "treeline_cull",
-        &BindGroupLayoutEntries::sequential(stage, (read(), read(), read(), read())),
-    );
-    let scan =
-        group("treeline_scan", &BindGroupLayoutEntries::sequential(stage, (write(), write())));
-    let runs = group("treeline_runs", &BindGroupLayoutEntries::single(stage, write()));
-    let expand = group(
-        "treeline_expand",
-        &BindGroupLayoutEntries::sequential(stage, (read(), read(), read(), write(), write())),
-    );
-    let pipeline = |(entry, path, bindings): (&'static str, &'static str, Bindings), phase| {
-        let layout = match bindings {
-            Bindings::Cull => vec![common.clone(), cull.clone()],
-            Bindings::Scan => vec![common.clone(), scan.clone()],
-            Bindings::Emit => vec![common.clone(), cull.clone(), runs.clone()],
-            Bindings::Expand => vec![common.clone(), expand.clone()],
-        };
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(format!("treeline_{entry}").into()),
-            layout,
-            shader: asset_server.load(path),
-            shader_defs: phase_constants(phase),
-            entry_point: Some(entry.into()),
-            ..default()
+    let bound = PASSES.map(|pass| {
+        let entries = pass.bound.iter().zip(0..).map(|((_, is_written), binding)| {
+            let buffer = match is_written {
+                true => storage_buffer_sized(false, None),
+                false => storage_buffer_read_only_sized(false, None),
+            };
+            buffer.build(binding, stage)
+        });
+        BindGroupLayoutDescriptor::new(pass.entry, &entries.collect::<Vec<_>>())
+    });
+    let passes = [0, 1].map(|phase| {
+        std::array::from_fn(|i| {
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(format!("treeline_{}", PASSES[i].entry).into()),
+                layout: vec![common.clone(), bound[i].clone()],
+                shader: asset_server.load(PASSES[i].shader),
+                shader_defs: phase_constants(phase),
+                entry_point: Some(PASSES[i].entry.into()),
+                ..default()
+            })
         })
-    };
-    let passes = [0, 1].map(|phase| PASSES.map(|pass| pipeline(pass, phase)));
-    commands.insert_resource(SelectPipelines { common, cull, scan, runs, expand, passes });
+    });
+    commands.insert_resource(SelectPipelines { common, bound, passes });
 }
 
 /// On cameras that draw trees.
 #[derive(Component)]
 pub(super) struct SelectGroups {
     common: BindGroup,
-    cull: BindGroup,
-    scan: BindGroup,
-    runs: BindGroup,
-    expand: BindGroup,
+    /// Group 1 of each pass.
+    bound: [BindGroup; PASS_COUNT],
 }
 
 #[expect(clippy::too_many_arguments, reason = "a system's parameters are its dependencies")]
@@ -179,61 +263,46 @@ pub(super) fn prepare_select_groups(
     device: Res<RenderDevice>,
 ) {
     let (Some(pipelines), Some(surfels), Some(trees), Some(uniforms)) =
-        (pipelines, &surfels.buffers, &instances.buffer, view_uniforms.uniforms.binding())
+        (pipelines, &surfels.buffers, &instances.buffers, view_uniforms.uniforms.binding())
     else {
         return;
     };
-    let group = |label, layout: &BindGroupLayoutDescriptor, entries: &[BindGroupEntry]| {
-        device.create_bind_group(label, &cache.get_bind_group_layout(layout), entries)
-    };
     for (entity, view_trees) in &cameras {
         let Some(view) = views.get(view_trees) else { continue };
-        let common = group(
+        let common = device.create_bind_group(
             "treeline_select",
-            &pipelines.common,
+            &cache.get_bind_group_layout(&pipelines.common),
             &BindGroupEntries::sequential((
                 uniforms.clone(),
                 bound_settings(view),
-                instances.blocks.buffer().as_entire_binding(),
-                view.view_blocks.as_entire_binding(),
                 view.counters.as_entire_binding(),
             )),
         );
-        let cull = group(
-            "treeline_cull",
-            &pipelines.cull,
-            &BindGroupEntries::sequential((
-                surfels.species.as_entire_binding(),
-                surfels.clusters.as_entire_binding(),
-                trees.as_entire_binding(),
-                view.pyramid.as_entire_binding(),
-            )),
-        );
-        let scan = group(
-            "treeline_scan",
-            &pipelines.scan,
-            &BindGroupEntries::sequential((
-                view.args.as_entire_binding(),
-                view.runs.as_entire_binding(),
-            )),
-        );
-        let runs = group(
-            "treeline_runs",
-            &pipelines.runs,
-            &BindGroupEntries::single(view.runs.as_entire_binding()),
-        );
-        let expand = group(
-            "treeline_expand",
-            &pipelines.expand,
-            &BindGroupEntries::sequential((
-                surfels.species.as_entire_binding(),
-                trees.as_entire_binding(),
-                view.runs.as_entire_binding(),
-                view.items.as_entire_binding(),
-                view.splat_items.as_entire_binding(),
-            )),
-        );
-        commands.entity(entity).insert(SelectGroups { common, cull, scan, runs, expand });
+        let buffer = |bound: Bound| match bound {
+            Bound::Args => &view.args,
+            Bound::Blocks => instances.blocks.buffer(),
+            Bound::Clusters => &surfels.clusters,
+            Bound::Draws => &view.draws,
+            Bound::Items => &view.items,
+            Bound::Looks => &trees.looks,
+            Bound::Places => &trees.places,
+            Bound::Pyramid => &view.pyramid,
+            Bound::Runs => &view.runs,
+            Bound::Species => &surfels.species,
+            Bound::SplatItems => &view.splat_items,
+            Bound::ViewBlocks => &view.view_blocks,
+        };
+        let bound = std::array::from_fn(|i| {
+            let entries = PASSES[i].bound.iter().zip(0..).map(|((bound, _), binding)| {
+                BindGroupEntry { binding, resource: buffer(*bound).as_entire_binding() }
+            });
+            device.create_bind_group(
+                PASSES[i].entry,
+                &cache.get_bind_group_layout(&pipelines.bound[i]),
+                &entries.collect::<Vec<_>>(),
+            )
+        });
+        commands.entity(entity).insert(SelectGroups { common, bound });
     }
 }
 
@@ -270,29 +339,13 @@ pub(super) fn select<const PHASE: u32>(
         .begin_compute_pass(&ComputePassDescriptor { label: Some(label), timestamp_writes: None });
     let span = diagnostics.pass_span(&mut pass, label);
     pass.set_bind_group(0, &groups.common, &[view_offset.offset, PHASE * PHASE_STRIDE]);
-    for ((entry, _, bindings), pipeline) in PASSES.iter().zip(passes) {
-        match bindings {
-            Bindings::Cull | Bindings::Emit => pass.set_bind_group(1, &groups.cull, &[]),
-            Bindings::Scan => pass.set_bind_group(1, &groups.scan, &[]),
-            Bindings::Expand => pass.set_bind_group(1, &groups.expand, &[]),
-        }
-        if let Bindings::Emit = bindings {
-            pass.set_bind_group(2, &groups.runs, &[]);
-        }
+    for ((pipeline, group), Pass { size, .. }) in passes.iter().zip(&groups.bound).zip(&PASSES) {
+        pass.set_bind_group(1, group, &[]);
         pass.set_pipeline(pipeline);
-        match *entry {
-            "cull_blocks" => {
-                pass.dispatch_workgroups(buffers.block_count.div_ceil(64), 1, 1);
-            }
-            "cull_instances" | "emit_runs" => {
-                let at = offset_of!(GpuIndirectArgs, cull) as u64;
-                pass.dispatch_workgroups_indirect(&buffers.args, at);
-            }
-            "expand_items" => {
-                let at = offset_of!(GpuIndirectArgs, expand) as u64;
-                pass.dispatch_workgroups_indirect(&buffers.args, at);
-            }
-            _ => pass.dispatch_workgroups(1, 1, 1),
+        match size {
+            Size::Blocks => pass.dispatch_workgroups(buffers.block_count.div_ceil(64), 1, 1),
+            Size::One => pass.dispatch_workgroups(1, 1, 1),
+            Size::Indirect(at) => pass.dispatch_workgroups_indirect(&buffers.args, *at as u64),
         }
     }
     span.end(&mut pass);

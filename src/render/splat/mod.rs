@@ -259,8 +259,8 @@ pub(super) fn prepare_splat_groups(
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
-    let (Some(pipelines), Some(surfels), Some(tree_buffer), Some(uniforms)) =
-        (pipelines, &surfels.buffers, &instances.buffer, view_uniforms.uniforms.binding())
+    let (Some(pipelines), Some(surfels), Some(buffers), Some(uniforms)) =
+        (pipelines, &surfels.buffers, &instances.buffers, view_uniforms.uniforms.binding())
     else {
         return;
     };
@@ -273,8 +273,8 @@ pub(super) fn prepare_splat_groups(
                 uniforms.clone(),
                 bound_settings(view),
                 surfels.species.as_entire_binding(),
-                tree_buffer.as_entire_binding(),
-                instances.blocks.buffer().as_entire_binding(),
+                buffers.places.as_entire_binding(),
+                buffers.looks.as_entire_binding(),
                 view.splat_items.as_entire_binding(),
                 surfels.hot.as_entire_binding(),
                 instances.samples().as_entire_binding(),

@@ -38,7 +38,8 @@ pub struct TreelineTaa {
     /// Frames that a pixel averages while nothing moves, 1 to 1000. More is smoother and follows changes of light more
     /// slowly. Default: 32.
     pub frames_at_rest: f32,
-    /// Frames that it averages in motion, 1 to 1000. More is smoother and less sharp. Default: 4 (measured).
+    /// Frames that it averages in motion, 1 to 1000. More is smoother and less sharp. Fewer count where things around a
+    /// pixel move apart, as leaves at many depths do. Default: 4 (measured).
     pub frames_in_motion: f32,
     /// How far, in standard deviations of the pixels around it, a pixel of the past may differ from their mean, 0.5 to 100.
     /// Less follows changes of light faster and is noisier. At most 1 in motion. Default: 3.

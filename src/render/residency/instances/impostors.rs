@@ -3,7 +3,7 @@
 //! In: single trees, sorted; out: their instances, runs that the same cameras see, and blocks of those. Cost: a copy of each
 //! single tree a frame.
 
-use super::{INSTANCE_BYTES, InstancePool, UNIT, Writer, units};
+use super::{InstancePool, UNIT, Writer, units};
 use crate::{
     gpu::types::{GpuInstanceBlock, GpuTreeInstance, INSTANCE_HAS_MESH},
     lod::fade::ViewRange,
@@ -11,7 +11,7 @@ use crate::{
         extract::ExtractedTrees,
         residency::{
             blocks::TileBlocks,
-            packing::{measure_blocks, species_word},
+            packing::{measure_blocks, pack_tree},
             surfels::SurfelPool,
         },
     },
@@ -48,14 +48,12 @@ impl InstancePool {
         self.impostors.clear();
         let mut packed: Vec<GpuTreeInstance> = vec![];
         for impostor in &trees.impostors {
-            let mut tree = impostor.instance.pack();
-            // Of one species, which the instance calls 0.
-            tree.species_seed_flags = species_word(&tree, &[surfels.slot(impostor.species)]);
+            let tree = pack_tree(impostor.instance, surfels.slot(impostor.species));
             packed.push(tree);
         }
         for near in &trees.near {
             if let Ok(i) = trees.impostors.binary_search_by_key(&near.owner, |i| i.entity) {
-                packed[i].species_seed_flags |= INSTANCE_HAS_MESH;
+                packed[i].look.species_scale |= INSTANCE_HAS_MESH;
             }
         }
         let slice = &mut self.impostor_slice;
@@ -72,10 +70,9 @@ impl InstancePool {
         self.update_impostor_blocks(trees, surfels, &packed, writer);
         let slice = &mut self.impostor_slice;
         if slice.written != packed
-            && let Some(buffer) = &self.buffer
+            && let Some(buffers) = &self.buffers
         {
-            let at = u64::from(slice.first) * INSTANCE_BYTES;
-            writer.queue.write_buffer(buffer, at, bytemuck::cast_slice(&packed));
+            buffers.write(slice.first, &packed, writer.queue);
             slice.written = packed;
         }
     }
