@@ -252,9 +252,16 @@ mod tests {
     fn values_out_of_range_are_moved_and_named() {
         let (same, moved) = TreelineSettings::default().clamped();
         assert_eq!((same, moved.len()), (TreelineSettings::default(), 0));
-        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, samples: 2, ..default() };
+        let bad = TreelineSettings {
+            quality: f32::NAN,
+            fade_width: 7.0,
+            contrast: -1.0,
+            samples: 2,
+            ..default()
+        };
         let (good, moved) = bad.clamped();
-        assert_eq!((good.quality, good.fade_width, good.samples), (2.0, 0.9, 4));
-        assert_eq!(moved, ["quality", "fade_width", "samples"]);
+        assert_eq!((good.quality, good.fade_width, good.contrast), (2.0, 0.9, 0.0));
+        assert_eq!(good.samples, 4);
+        assert_eq!(moved, ["quality", "fade_width", "contrast", "samples"]);
     }
 }
