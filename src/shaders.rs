@@ -81,6 +81,8 @@ shader_files! {
     SPLAT_DEPTH = "splat/splat_depth.wgsl",
     /// Second pass of 32-bit splats.
     SPLAT_PAYLOAD = "splat/splat_payload.wgsl",
+    /// Light of near meshes in deferred views.
+    LIGHT_NEAR = "near/light_near.wgsl",
     /// Finest level of the depth pyramid.
     BUILD_PYRAMID = "pyramid/build_pyramid.wgsl",
     /// Its other levels.

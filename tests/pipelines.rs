@@ -31,7 +31,7 @@ fn splat_pipelines(path: SplatPath) -> usize {
 /// cameras of earlier kinds, and its own.
 type Kind = (&'static str, fn(&mut EntityWorldMut), [usize; 2]);
 
-/// Each has a resolve pipeline of its own; one with a prepass writes that, too.
+/// Each has a resolve pipeline of its own; one with a prepass writes that, and a deferred one lights near meshes, too.
 const KINDS: [Kind; 14] = [
     ("LDR", |_| (), [0, 1]),
     (
@@ -81,7 +81,7 @@ const KINDS: [Kind; 14] = [
         |camera| {
             camera.insert((DepthPrepass, DeferredPrepass));
         },
-        [1, 1],
+        [1, 2],
     ),
     (
         "fog",

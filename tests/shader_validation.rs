@@ -62,6 +62,7 @@ const DEF_SETS: &[(&str, &[&[Def]])] = &[
     ("resolve/resolve_samples.wgsl", VIEWS),
     ("resolve/resolve_samples.wgsl", EDGES),
     ("prepass/write_prepass.wgsl", POINT_PREPASSES),
+    ("near/light_near.wgsl", DEFERRED_LIGHTS),
     ("temporal/accumulate.wgsl", &[&[], &[on("HIGH_DYNAMIC_RANGE")]]),
     ("landscape/ground.wgsl", VIEWS),
     ("landscape/sky.wgsl", VIEWS),
@@ -93,6 +94,24 @@ const SUNLIGHTS: &[&[Def]] = &[
     ],
     &[on("VIEW_PROJECTION_PERSPECTIVE"), on("TREELINE_SUNLIGHT"), on("TREELINE_CONTRAST")],
     &[on("VIEW_PROJECTION_ORTHOGRAPHIC"), on("TREELINE_CONTRAST")],
+];
+
+/// The same in Bevy's deferred lighting.
+const DEFERRED_LIGHTS: &[&[Def]] = &[
+    &[
+        on("DEFERRED_PREPASS"),
+        on("DEPTH_PREPASS"),
+        on("VIEW_PROJECTION_PERSPECTIVE"),
+        on("TREELINE_SUNLIGHT"),
+    ],
+    &[
+        on("DEFERRED_PREPASS"),
+        on("VIEW_PROJECTION_ORTHOGRAPHIC"),
+        on("DISTANCE_FOG"),
+        on("SHADOW_FILTER_METHOD_GAUSSIAN"),
+        on("TREELINE_SUNLIGHT"),
+        on("TREELINE_SUN_SHADOWS"),
+    ],
 ];
 
 /// Def sets of Bevy's prepasses (`PrepassPipeline::specialize`).

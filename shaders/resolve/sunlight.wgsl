@@ -52,7 +52,8 @@ fn sunlight(in: PbrInput) -> vec4<f32> {
         light = mix(mean, light, own);
 #endif
 #ifdef TREELINE_SUN_SHADOWS
-        if (bindings::lights.directional_lights[i].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
+        let casts_shadows = (bindings::lights.directional_lights[i].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u;
+        if casts_shadows && (in.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u {
             let view_z = (view.view_from_world * in.world_position).z;
             light *= shadows::fetch_directional_shadow(i, in.world_position, in.world_normal, view_z, in.frag_coord.xy);
         }

@@ -28,7 +28,7 @@ pub use surfel::{
     SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_TWO_SIDED, SURFEL_UNLIT, Surfel, SurfelCold,
     SurfelHot, light_factor,
 };
-pub use tree_asset::{NearMesh, NearMeshPiece, TreeAsset};
+pub use tree_asset::{NEAR_LIGHTING_PASS, NearMesh, NearMeshPiece, TreeAsset};
 pub use tree_data::{
     BakeSeconds, BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError,
 };

@@ -25,6 +25,10 @@ pub struct NearMesh {
     pub parts: Vec<NearMeshPiece>,
 }
 
+/// `deferred_lighting_pass_id` of near meshes' materials: cameras with a deferred prepass light those apart from the rest of
+/// the scene, at the cost of the lights that there are. A material of yours that has it is lit so, too.
+pub const NEAR_LIGHTING_PASS: u8 = 84;
+
 /// A mesh with its material.
 #[derive(Clone, Debug)]
 pub struct NearMeshPiece {

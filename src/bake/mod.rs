@@ -13,6 +13,7 @@
 //! ```
 
 mod assemble;
+mod cards;
 mod entities;
 mod job;
 pub mod lighting;
@@ -38,6 +39,6 @@ pub use loader::{
     LoadTreeError, NearMeshLoader, NearMeshLoaderSettings, TreeLoader, TreeLoaderSettings,
     TreeSaver,
 };
-pub use near::{NearMeshSource, near_mesh_sources};
+pub use near::{NearMeshSource, model_mesh_sources, near_mesh_sources};
 pub use plant::bake_species;
 pub use settings::{BakeSettings, OrderMethod, PeelBackend, SettingsError};

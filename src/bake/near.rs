@@ -1,11 +1,12 @@
 //! A source model as Bevy meshes and materials: what is drawn near the camera.
 
+use super::cards::cut_cards;
 use super::lighting::LightVolume;
 use super::source::{
     SourceAlpha, SourceImage, SourceMaterial, SourceMesh, SourceModel, SourceWrap,
 };
 use crate::{
-    asset::{NearMesh, NearMeshPiece, light_factor},
+    asset::{NEAR_LIGHTING_PASS, NearMesh, NearMeshPiece, light_factor},
     math::bounding::Aabb,
 };
 use bevy::{
@@ -32,20 +33,49 @@ pub struct NearMeshSource {
     pub half_extents: Vec3,
 }
 
-/// The model's triangles gathered by material, in the order of materials.
+/// What is drawn of a model near the camera. Looks like [`model_mesh_sources`] and costs less: leaf cards are cut to the outlines of their leaves, and
+/// materials have the lighting pass of near meshes.
+///
+/// Parameters and order are those of [`model_mesh_sources`].
+pub fn near_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
+    let refine = |mesh: &SourceMesh| cut_to_leaves(model, mesh).unwrap_or_else(|| mesh.clone());
+    let meshes: Vec<SourceMesh> = model.meshes.par_iter().map(refine).collect();
+    let mut parts = gather(model, &meshes, ambient_visibility);
+    for part in &mut parts {
+        part.material.deferred_lighting_pass_id = NEAR_LIGHTING_PASS;
+    }
+    parts
+}
+
+/// The model's triangles gathered by material, in the order of materials: what a loader of models would give.
 ///
 /// With `ambient_visibility`, vertex colours hold how much light reaches them, from the same [`LightVolume`] as that of
 /// points, so that a tree does not change its brightness as it becomes points; the volume is made here, which takes
 /// some 50 ms. Pass [`TreeData::is_shaded`](crate::asset::TreeData::is_shaded) of the points.
-pub fn near_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
+pub fn model_mesh_sources(model: &SourceModel, ambient_visibility: bool) -> Vec<NearMeshSource> {
+    gather(model, &model.meshes, ambient_visibility)
+}
+
+/// The mesh without the empty parts of its leaf cards, if it has cards.
+fn cut_to_leaves(model: &SourceModel, mesh: &SourceMesh) -> Option<SourceMesh> {
+    let material = model.materials.get(mesh.material)?;
+    let SourceAlpha::Mask(cut_off) = material.alpha else { return None };
+    let texture = material.base_color_texture.as_ref()?;
+    let image = model.images.get(texture.image)?;
+    cut_cards(mesh, texture, image, cut_off / material.base_color.w.max(1e-3))
+}
+
+/// The triangles of `meshes` by material. The light is that of the model.
+fn gather(
+    model: &SourceModel,
+    meshes: &[SourceMesh],
+    ambient_visibility: bool,
+) -> Vec<NearMeshSource> {
     let middle = model.bounds().center();
     let light = ambient_visibility.then(|| LightVolume::of_model(model, &|_| ()));
     let parts = model.materials.iter().enumerate().filter_map(|(index, material)| {
-        let meshes: Vec<_> = model
-            .meshes
-            .iter()
-            .filter(|m| m.material == index && !m.triangles.is_empty())
-            .collect();
+        let meshes: Vec<_> =
+            meshes.iter().filter(|m| m.material == index && !m.triangles.is_empty()).collect();
         meshes.first()?;
         let textured =
             material.base_color_texture.is_some() && meshes.iter().any(|m| !m.uvs.is_empty());

@@ -8,6 +8,7 @@
 mod counters;
 mod cull_tiles;
 mod extract;
+mod near;
 mod prepass;
 mod pyramid;
 mod residency;
@@ -28,7 +29,10 @@ use bevy::{
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
         deferred::node::late_deferred_prepass,
     },
-    pbr::{MeshPipelineSystems, deferred::deferred_lighting},
+    pbr::{
+        MeshPipelineSystems,
+        deferred::{deferred_lighting, init_deferred_lighting_layout},
+    },
     prelude::*,
     render::{
         ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
@@ -60,6 +64,7 @@ impl Plugin for TreelineRenderPlugin {
             .insert_resource(counters)
             .insert_resource(splat::RequestedSplatPath(self.splat_path))
             .init_resource::<extract::ExtractedTrees>()
+            .init_resource::<near::NearMeshParts>()
             .init_gpu_resource::<residency::SurfelPool>()
             .init_gpu_resource::<residency::InstancePool>()
             .init_gpu_resource::<view::Views>()
@@ -78,18 +83,27 @@ impl Plugin for TreelineRenderPlugin {
                     resolve::init_classify_pipelines,
                     resolve::init_resolve_pipelines.after(MeshPipelineSystems),
                     prepass::init_prepass_pipeline,
+                    near::init_near_light.after(init_deferred_lighting_layout),
                     temporal::init_accumulate_pipeline,
                 ),
             )
-            .add_systems(ExtractSchedule, (extract::extract_trees, temporal::extract_temporal))
+            .add_systems(
+                ExtractSchedule,
+                (extract::extract_trees, near::extract_near_mesh_parts, temporal::extract_temporal),
+            )
             .add_systems(
                 Render,
                 (
                     temporal::prepare_jitter.in_set(RenderSystems::PrepareViews),
+                    near::leave_forward_pass
+                        .in_set(RenderSystems::Queue)
+                        .after(RenderSystems::QueueMeshes)
+                        .before(RenderSystems::QueueSweep),
                     (
                         resolve::specialize_resolve,
                         prepass::specialize_prepass,
                         temporal::specialize_accumulate,
+                        near::specialize_near_light,
                     )
                         .in_set(RenderSystems::Queue),
                     temporal::prepare_history.in_set(RenderSystems::PrepareResources),
@@ -131,6 +145,7 @@ impl Plugin for TreelineRenderPlugin {
                         .after(late_deferred_prepass)
                         .in_set(Core3dSystems::Prepass),
                     // Before the opaque pass, so that terrain behind trees is never shaded.
+                    near::light_near.before(deferred_lighting).in_set(Core3dSystems::MainPass),
                     resolve::resolve
                         .after(deferred_lighting)
                         .before(main_opaque_pass_3d)

@@ -2,6 +2,7 @@
 
 use super::{Workplace, has_adapter, pictures::size};
 use serde_json::Value;
+use std::{process::Stdio, thread::sleep, time::Duration};
 
 /// Seconds on a software driver.
 const SMALL: &str = "bench --scene baseline --tree {tree} --ldi 64 --instances 20 --size 160x90 --frames 1 --warm-up 1 \
@@ -62,6 +63,7 @@ fn a_small_benchmark_writes_rows_pictures_and_a_report() {
         assert_eq!(size(&place.path("out").join(file)), (160, 90));
     }
     assert!(files.iter().any(|file| file == "report.html"), "{files:?}");
+    assert!(!files.iter().any(|file| file == "unfinished.json"), "{files:?}");
 
     // The second time the truth is there already, and results are held against the first.
     let again =
@@ -82,4 +84,24 @@ fn a_run_that_takes_too_long_says_so_in_its_row() {
     let results = place.json("out/results.json");
     let why = row(&results, "points")["status"].as_str().expect("words").to_owned();
     assert!(why.contains("--time-limit"), "{why}");
+}
+
+#[test]
+fn a_benchmark_that_is_stopped_keeps_what_it_measured() {
+    if !has_adapter("a_benchmark_that_is_stopped_keeps_what_it_measured") {
+        return;
+    }
+    let place = Workplace::new();
+    let many = SMALL.replace("--runs 1", "--runs 99");
+    let mut command = place.command(&format!("{many} --techniques points,stock"));
+    let mut bench = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it starts");
+    while !place.path("out/unfinished.json").is_file() {
+        let end = bench.try_wait().expect("it can be asked");
+        assert_eq!(end, None, "it is still at work");
+        sleep(Duration::from_millis(20));
+    }
+    bench.kill().and_then(|()| bench.wait()).expect("it stops");
+    place.run("bench --report out/unfinished.json --out report").succeeds();
+    let results = place.json("report/results.json");
+    assert!(number(row(&results, "points"), "cpu_s_per_frame") > 0.0);
 }

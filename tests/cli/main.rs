@@ -52,17 +52,25 @@ impl Workplace {
         self.run_with(arguments, &[])
     }
 
-    /// Runs the tool here with arguments separated by spaces; `{tree}` stands for a small tree of the project.
-    fn run_with(&self, arguments: &str, variables: &[(&str, &str)]) -> Run {
+    /// The tool, to be run here with arguments separated by spaces; `{tree}` stands for a small tree of the project.
+    fn command(&self, arguments: &str) -> Command {
         let tree = tree("spruce.glb");
-        let output = Command::new(env!("CARGO_BIN_EXE_treeline"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_treeline"));
+        command
             .args(
                 arguments.split_whitespace().map(|a| if a == "{tree}" { tree.as_str() } else { a }),
             )
             .current_dir(self.0.path())
             .env("TREELINE_CACHE_DIR", self.path("cache"))
             // A desktop would get a window.
-            .env_remove("DISPLAY")
+            .env_remove("DISPLAY");
+        command
+    }
+
+    /// Runs [`Self::command`].
+    fn run_with(&self, arguments: &str, variables: &[(&str, &str)]) -> Run {
+        let output = self
+            .command(arguments)
             .envs(variables.iter().copied())
             .output()
             .expect("the tool runs");

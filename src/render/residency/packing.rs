@@ -106,6 +106,7 @@ pub(super) fn pack_forest(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::compact::angle_between;
     use bevy::math::Quat;
 
     fn trees() -> Vec<PackedTree> {
@@ -166,7 +167,7 @@ mod tests {
         for (a, b) in quick.iter().zip(&slow) {
             let (a, b) = (TreeInstance::from_compact(a), TreeInstance::from_compact(b));
             assert!(a.position.distance(b.position) < 1e-3 && a.species == b.species);
-            assert!(a.rotation.angle_between(b.rotation) < 2e-3 && a.scale == b.scale);
+            assert!(angle_between(a.rotation, b.rotation) < 2e-3 && a.scale == b.scale);
         }
     }
 }

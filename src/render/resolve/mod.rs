@@ -37,7 +37,8 @@ use bevy::{
     },
     shader::ShaderDefVal,
 };
-use variant::{ResolveDraw, ResolveKey, SimpleFog, Sunlight};
+pub(super) use variant::Sunlight;
+use variant::{ResolveDraw, ResolveKey, SimpleFog};
 
 /// Makes the draw pipeline of each kind of view.
 #[derive(Resource, Clone)]

@@ -37,6 +37,12 @@ impl Sunlight {
     pub fn of(mesh: MeshPipelineKey, lamps: bool, shadows: bool) -> Option<Self> {
         (!lamps && !mesh.intersects(OTHER_LIGHT)).then_some(Self { shadows })
     }
+
+    /// What `sunlight.wgsl` is told.
+    pub fn shader_defs(self) -> Vec<ShaderDefVal> {
+        let shadows = self.shadows.then(|| "TREELINE_SUN_SHADOWS".into());
+        ["TREELINE_SUNLIGHT".into()].into_iter().chain(shadows).collect()
+    }
 }
 
 /// What a draw shows of the visibility buffer.
@@ -87,10 +93,7 @@ impl ResolveKey {
             ]);
         }
         if let Some(sunlight) = self.sunlight {
-            defs.push("TREELINE_SUNLIGHT".into());
-            if sunlight.shadows {
-                defs.push("TREELINE_SUN_SHADOWS".into());
-            }
+            defs.extend(sunlight.shader_defs());
         }
         if self.contrast {
             defs.push("TREELINE_CONTRAST".into());

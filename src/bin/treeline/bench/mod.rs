@@ -37,8 +37,7 @@ pub use args::BenchArgs;
 
 use crate::options::{ToolError, ToolResult, make_folder};
 use machine::Machine;
-use row::{Results, SCHEMA};
-use run::Bench;
+use run::{Bench, UNFINISHED};
 use scenes::{SceneArg, landscape::Landscape};
 use tree::Tree;
 use truth::TRUTH;
@@ -75,9 +74,10 @@ pub fn run(args: &BenchArgs) -> ToolResult {
     let bench = Bench { args, machine, tree, work: work.path() };
     let rows = bench.measure(&configurations)?;
     let rows = bench.hold_against_truth(&configurations, rows)?;
-    let command = std::env::args().collect::<Vec<_>>().join(" ");
-    let results = Results { schema: SCHEMA, machine: bench.machine.facts(), command, rows };
+    let results = bench.results(rows);
     publish::publish(&args.out, &results, &publish::pictures(&args.out, &results.rows))?;
+    let unfinished = args.out.join(UNFINISHED);
+    std::fs::remove_file(&unfinished).map_err(|error| ToolError::write(&unfinished, error))?;
     println!("{}", terminal::table(&results.rows));
     println!("results.csv, results.json, plots, pictures, report.html in {}", args.out.display());
     if !results.rows.iter().any(row::Row::ran) {

@@ -8,9 +8,10 @@ use super::{
     plan::Configuration,
     process::{self, Limits},
     publish,
-    row::Row,
+    row::{Results, Row, SCHEMA},
     scenes::{self, SceneArg, landscape},
     stats::merge_runs,
+    table::write_json,
     technique,
     tree::Tree,
     truth::{self, TRUTH, TruthFiles},
@@ -24,6 +25,9 @@ use std::{
     time::Duration,
 };
 
+/// Results of a benchmark that is not done, without image errors, in its folder: what remains if it is stopped.
+pub const UNFINISHED: &str = "unfinished.json";
+
 /// A benchmark at work.
 pub struct Bench<'a> {
     pub args: &'a BenchArgs,
@@ -34,7 +38,13 @@ pub struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// A row of medians for each configuration.
+    /// Rows and all that is said beside them.
+    pub fn results(&self, rows: Vec<Row>) -> Results {
+        let command = std::env::args().collect::<Vec<_>>().join(" ");
+        Results { schema: SCHEMA, machine: self.machine.facts(), command, rows }
+    }
+
+    /// A row of medians for each configuration. What is measured so far is kept in [`UNFINISHED`].
     pub fn measure(&self, configurations: &[Configuration]) -> ToolResult<Vec<Row>> {
         let runs = self.args.runs;
         let mut all: Vec<Vec<Row>> = vec![vec![]; configurations.len()];
@@ -42,17 +52,20 @@ impl Bench<'_> {
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed}  {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         for _ in 0..runs {
-            for (configuration, rows) in configurations.iter().zip(&mut all) {
+            for (i, configuration) in configurations.iter().enumerate() {
                 bar.set_message(format!(
                     "{} × {}",
                     configuration.technique, configuration.instances
                 ));
                 bar.tick();
                 // What failed once is not tried again: it took its time limit, or would fail the same way.
-                if rows.last().is_none_or(|row| row.ran()) {
+                if all[i].last().is_none_or(|row| row.ran()) {
                     let row = self.one(configuration)?;
                     bar.suspend(|| say(&row));
-                    rows.push(row);
+                    all[i].push(row);
+                    let rows = all.iter().filter(|rows| !rows.is_empty());
+                    let so_far = self.results(rows.map(|rows| merge_runs(rows)).collect());
+                    write_json(&self.args.out.join(UNFINISHED), &so_far)?;
                 }
                 bar.inc(1);
             }

@@ -13,12 +13,17 @@ pub fn write_results(out: &Path, results: &Results) -> ToolResult {
     let text = csv_text(&rows).map_err(|error| ToolError::write(&path, error))?;
     write_file(&path, &text)?;
 
-    let path = out.join("results.json");
+    write_json(&out.join("results.json"), results)
+}
+
+/// Writes the JSON of results, whole or not at all.
+pub fn write_json(path: &Path, results: &Results) -> ToolResult {
+    let rows = results.rows.iter().map(rounded).collect();
     let current = Results { schema: SCHEMA, rows, ..results.clone() };
     let mut text =
-        serde_json::to_string_pretty(&current).map_err(|error| ToolError::write(&path, error))?;
+        serde_json::to_string_pretty(&current).map_err(|error| ToolError::write(path, error))?;
     text.push('\n');
-    write_file(&path, text.as_bytes())
+    write_file(path, text.as_bytes())
 }
 
 /// With six digits that matter in each fraction: more than any measurement has, and files that people can read.

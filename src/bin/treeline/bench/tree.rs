@@ -6,7 +6,7 @@ use bevy::{asset::RenderAssetUsages, prelude::*};
 use bevy_treeline::{
     BakeSettings,
     bake::{
-        Baked, bake_model, near_mesh_sources,
+        Baked, bake_model, model_mesh_sources,
         source::{SourceModel, load_model, model_of_plain_tree},
     },
     species::{Species, grow, preset, species_names},
@@ -80,7 +80,7 @@ impl Tree {
             self.model.meshes.iter().any(|m| m.material == *i && !m.triangles.is_empty())
         };
         let materials: Vec<usize> = (0..self.model.materials.len()).filter(used).collect();
-        let parts = near_mesh_sources(&self.model, false).into_iter().zip(materials);
+        let parts = model_mesh_sources(&self.model, false).into_iter().zip(materials);
         let parts = parts.map(|(source, material_index)| {
             let mut mesh = source.mesh.translated_by(middle);
             mesh.asset_usage = RenderAssetUsages::default();
