@@ -125,10 +125,11 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
         // the crossfade.
         albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
+        albedo *= light_of_few(kind_index, points_deserved(instance, rotation, kind_index));
 #ifdef TREELINE_CONTRAST
+        // The mean is right for any number of points.
         albedo = mix(seen_mean.rgb * tint_of(instance.look), albedo, own) * averaged_after_display(own);
 #endif
-        albedo *= light_of_few(kind_index, points_deserved(instance, rotation, kind_index));
     }
 
     var pbr = pbr_input_new();

@@ -18,7 +18,8 @@
 #endif
 
 #ifdef TREELINE_CONTRAST
-// `own`: share of a point's own light; the rest is the mean of leaves of any direction, times `shade`.
+// `own`: share of a point's own diffuse light; the rest is the mean of leaves of any direction, times `shade`. Highlights stay
+// its own: how bright they are follows from more than directions.
 fn sunlight(in: PbrInput, own: f32, shade: f32) -> vec4<f32> {
 #else
 fn sunlight(in: PbrInput) -> vec4<f32> {
@@ -48,8 +49,9 @@ fn sunlight(in: PbrInput) -> vec4<f32> {
         var light = lighting::directional_light(i, &input, true);
 #ifdef TREELINE_CONTRAST
         let sun = &bindings::lights.directional_lights[i];
-        let mean = diffuse_color / PI * (*sun).color.rgb * (shade * mean_shade(dot((*sun).direction_to_light, in.V)));
-        light = mix(mean, light, own);
+        let to_sun = (*sun).direction_to_light;
+        let more = shade * mean_shade(dot(to_sun, in.V)) - max(dot(in.N, to_sun), 0.0);
+        light = max(light + diffuse_color / PI * (*sun).color.rgb * ((1.0 - own) * more), vec3(0.0));
 #endif
 #ifdef TREELINE_SUN_SHADOWS
         let casts_shadows = (bindings::lights.directional_lights[i].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u;

@@ -167,7 +167,8 @@ mod tests {
         let mut n = 2.0;
         while n < 20_000.0 {
             let found = eyes.prefix(&tree, &points, n, of(n)).covered / whole - 1.0;
-            let allowed = if n < 64.0 { 0.06 } else { 0.02 };
+            // Here the order is random, and a few points more turn the mean of so few. Without factors it is half as much again.
+            let allowed = if n < 100.0 { 0.1 } else { 0.02 };
             assert!(found.abs() < allowed, "{found} at {n}");
             n *= 1.3;
         }
