@@ -19,8 +19,10 @@ use super::sections::{
     FLAG_OPTIONAL, Reader, Section, StoredSection, read_sections, write_sections,
 };
 use super::surfel::{SurfelCold, SurfelHot};
-use super::tree_data::{BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError};
-use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
+use super::tree_data::{
+    BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError,
+};
+use crate::{lod::thinning::FACTOR_STEPS, math::bounding::Aabb};
 use bevy::math::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -102,8 +104,9 @@ pub fn decode(file: &[u8]) -> Result<TreeData, FormatError> {
         pixel: head.pixel,
         surface_area: head.surface_area,
         mean_leaf_area: head.mean_leaf_area,
-        area_factors: [1.0; AREA_OCTAVES],
-        light_factors: [1.0; AREA_OCTAVES],
+        area_factors: [1.0; FACTOR_STEPS],
+        light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: stat.source.into_owned(),

@@ -2,8 +2,8 @@
 //! peeling does, in random order. The same for the same seed.
 
 use super::surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, Surfel};
-use super::tree_data::{BakeSeconds, BakeStatistics, SourceReference, TreeData};
-use crate::lod::splat_size::AREA_OCTAVES;
+use super::tree_data::{BakeSeconds, BakeStatistics, SeenMean, SourceReference, TreeData};
+use crate::lod::thinning::FACTOR_STEPS;
 use crate::math::{bounding::Aabb, hash::SplitMix64};
 use bevy::math::Vec3;
 
@@ -49,8 +49,9 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
         pixel,
         surface_area: 123.4,
         mean_leaf_area: 0.015,
-        area_factors: [1.0; AREA_OCTAVES],
-        light_factors: [1.0; AREA_OCTAVES],
+        area_factors: [1.0; FACTOR_STEPS],
+        light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: Some(SourceReference { path: "trees/oak.glb".into(), content_hash: [7; 32] }),
