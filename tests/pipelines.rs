@@ -13,10 +13,10 @@ use common::{Stage, before, coverage};
 
 const SIZE: UVec2 = UVec2::new(48, 36);
 
-/// Compute pipelines of a view: eight of selection for each phase, two of the depth pyramid, two around the draw, the clearing one, and
+/// Compute pipelines of a view: nine of selection for each phase, two of the depth pyramid, two around the draw, the clearing one, and
 /// those that splat.
 fn compute_pipelines(path: SplatPath) -> usize {
-    21 + splat_pipelines(path)
+    23 + splat_pipelines(path)
 }
 
 /// Those that splat trees (in the first phase, in the second) and groves. Parallel views have their own.

@@ -1,8 +1,7 @@
 // Sums over the threads of a workgroup of WORKGROUP threads.
 //
 // Rows of threads first, then the sums of rows: two short loops, where a scan in log2(256) steps (Hillis and Steele 1986) has
-// 16 barriers, each of which a software driver pays for with a change of context for every eight threads (measured:
-// most of `emit_runs`).
+// 16 barriers, each of which a software driver pays for with a change of context for every few threads.
 #define_import_path bevy_treeline::prefix_sum
 
 #import bevy_treeline::select_bindings::WORKGROUP
