@@ -51,6 +51,8 @@ shader_files! {
     SELECT_BINDINGS = "select/bindings.wgsl",
     /// Frustum and occlusion.
     CULLING = "select/culling.wgsl",
+    /// Sums over the threads of a workgroup.
+    PREFIX_SUM = "select/prefix_sum.wgsl",
     /// Culls blocks of instances.
     CULL_BLOCKS = "select/cull_blocks.wgsl",
     /// Lists the blocks whose trees are looked at.
@@ -65,8 +67,10 @@ shader_files! {
     SCAN_BLOCKS = "select/scan_blocks.wgsl",
     /// Writes runs.
     EMIT_RUNS = "select/emit_runs.wgsl",
-    /// Cuts runs into work items.
+    /// Cuts runs of trees into work items.
     EXPAND_ITEMS = "select/expand_items.wgsl",
+    /// Cuts runs of groves into work items.
+    EXPAND_GROVES = "select/expand_groves.wgsl",
     /// Bindings of splatting.
     SPLAT_BINDINGS = "splat/bindings.wgsl",
     /// Samples of groves.

@@ -50,8 +50,8 @@ const OF_MODULES: &[(&str, &[Def])] = &[(
 #[rustfmt::skip] // one row a line
 const DEF_SETS: &[(&str, &[&[Def]])] = &[
     ("select/cull_blocks.wgsl", PHASES),
+    ("select/cull_clusters.wgsl", PHASES),
     ("select/cull_instances.wgsl", PHASES),
-    ("select/emit_runs.wgsl", PHASES),
     ("splat/splat_u64.wgsl", SPLATS),
     ("splat/splat_depth.wgsl", SPLATS),
     ("splat/splat_payload.wgsl", SPLATS),

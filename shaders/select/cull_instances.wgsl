@@ -86,6 +86,13 @@ fn select_tree(block: InstanceBlock, lane: u32, asks_pyramid: bool) -> Tree {
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    // A software driver reads this once for all threads of the workgroup, but only before the first branch.
+    let place = block_index(group, groups);
+    let listed = view_blocks[min(place, settings.block_count - 1u)].listed;
+    let is_listed = place < settings.block_count && listed < settings.block_count;
+    let index = select(0u, listed, is_listed);
+    let state = view_blocks[index].state;
+    let block = instance_blocks[view_blocks[index].block];
     // Workgroup memory is not cleared for us.
     if lane == 0u {
         atomicStore(&group_runs, 0u);
@@ -96,18 +103,9 @@ fn cull_instances(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         atomicStore(&verdicts[lane], 0u);
     }
     workgroupBarrier();
-    let place = block_index(group, groups);
-    var index = 0u;
-    var is_listed = place < settings.block_count;
-    if is_listed {
-        index = view_blocks[place].listed;
-        is_listed = index < settings.block_count;
-    }
-    let state = view_blocks[index].state;
     let block_was_hidden = (state & WAS_HIDDEN) != 0u;
     if is_listed {
         let slot = index * WORKGROUP + lane;
-        let block = instance_blocks[view_blocks[index].block];
         // The second phase knows what the first has found, unless that has not come here.
         var first_count = 0u;
         var first_mask = 0u;

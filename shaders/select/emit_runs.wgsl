@@ -1,12 +1,13 @@
-// Writes the runs of the listed blocks' trees, in the order of blocks, instances and clusters, whatever order threads run in.
+// Writes the runs of the trees of blocks that have one, in the order of blocks, instances and clusters, whatever order threads run in.
 //
-// One workgroup per listed block, one thread per instance, which reads what culling has found out. O(instances in listed
-// blocks + runs). CPU twin: src/forest/select.rs.
+// One workgroup per block of the list that `scan_blocks` has made, one thread per instance, which reads what culling has found
+// out. O(instances in these blocks + runs). CPU twin: src/forest/select.rs.
 #import bevy_treeline::hash::mix_bits
 #import bevy_treeline::instance::species_of
 #import bevy_treeline::lod::{cluster_points, level_clusters, level_of, list_points, window_start}
-#import bevy_treeline::select_bindings::{WAS_PARTLY_HIDDEN, WORKGROUP, block_index, item_count, settings}
-#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeLook, ViewBlock}
+#import bevy_treeline::prefix_sum::prefix_sum
+#import bevy_treeline::select_bindings::{POINTS_PER_ITEM, WAS_PARTLY_HIDDEN, WORKGROUP, block_index, counters, item_count, settings}
+#import bevy_treeline::types::{Cluster, Run, Species, TreeDraw, TreeLook, ViewBlock, WorkItem}
 
 @group(1) @binding(0) var<storage, read_write> runs: array<Run>;
 @group(1) @binding(1) var<storage, read> clusters: array<Cluster>;
@@ -14,9 +15,7 @@
 @group(1) @binding(3) var<storage, read> species: array<Species>;
 @group(1) @binding(4) var<storage, read> looks: array<TreeLook>;
 @group(1) @binding(5) var<storage, read> draws: array<TreeDraw>;
-
-var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
-var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
+@group(1) @binding(6) var<storage, read_write> items: array<WorkItem>;
 
 // Points that a tree of `count` takes from a cluster of its level, of which all have `all`.
 fn points_of_cluster(count: u32, level: u32, size: u32, all: u32) -> u32 {
@@ -26,12 +25,13 @@ fn points_of_cluster(count: u32, level: u32, size: u32, all: u32) -> u32 {
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let place = block_index(group, groups);
-    var index = 0u;
-    var is_listed = place < settings.block_count;
-    if is_listed {
-        index = view_blocks[place].listed;
-        is_listed = index < settings.block_count;
-    }
+    let listed = view_blocks[min(place, settings.block_count - 1u)].listed;
+    let is_listed = place < settings.block_count && listed < settings.block_count;
+    let index = select(0u, listed, is_listed);
+    // Of the block.
+    let first = vec2(atomicLoad(&view_blocks[index].runs), atomicLoad(&view_blocks[index].items));
+    let first_item = atomicLoad(&counters.first_item);
+    let fitting = atomicLoad(&counters.phase_items);
     let slot = index * WORKGROUP + lane;
     let instance = view_blocks[index].first_instance + lane;
     let count = draws[slot].count & ~WAS_PARTLY_HIDDEN;
@@ -52,22 +52,9 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
             own += vec2(min(points, 1u), item_count(points));
         }
     }
-    lane_runs[lane] = own.x;
-    lane_items[lane] = own.y;
-    workgroupBarrier();
-    // Inclusive scan (Hillis and Steele 1986): log2(256) steps.
-    for (var step = 1u; step < WORKGROUP; step <<= 1u) {
-        var before = vec2(0u);
-        if lane >= step {
-            before = vec2(lane_runs[lane - step], lane_items[lane - step]);
-        }
-        workgroupBarrier();
-        lane_runs[lane] += before.x;
-        lane_items[lane] += before.y;
-        workgroupBarrier();
-    }
-    var run = atomicLoad(&view_blocks[index].runs) + lane_runs[lane] - own.x;
-    var item = atomicLoad(&view_blocks[index].items) + lane_items[lane] - own.y;
+    let before = first + prefix_sum(lane, own).before;
+    var run = before.x;
+    var item = before.y;
     for (var left = mask; left != 0u; left &= left - 1u) {
         let cluster = first_cluster + countTrailingZeros(left);
         let size = clusters[cluster].count;
@@ -81,7 +68,12 @@ fn emit_runs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) g
         // Each tree at another turn, so that frames do not differ as a whole.
         let start = select(0u, window_start(points, size, settings.window + (mix_bits(instance) & 7u)), settings.window > 0u);
         runs[run] = Run(item, instance, clusters[cluster].first_point + start, points, draws[slot].radius);
+        // Tells each workgroup of `expand_items` the run of its first item, where it will write that item.
+        let end = item + item_count(points);
+        for (var head = item_count(item) * POINTS_PER_ITEM; head < min(end, fitting); head += POINTS_PER_ITEM) {
+            items[first_item + head].instance = run;
+        }
         run += 1u;
-        item += item_count(points);
+        item = end;
     }
 }

@@ -2,14 +2,13 @@
 //
 // One workgroup: each thread counts a run of blocks, the counts are scanned, each thread writes its run.
 // O(blocks / 256 + 256).
+#import bevy_treeline::prefix_sum::prefix_sum
 #import bevy_treeline::select_bindings::{LISTED, WORKGROUP, counters, grid, settings}
 #import bevy_treeline::types::{IndirectArgs, ViewBlock}
 
 // Apart from the other bindings: a buffer cannot be storage and source of indirect arguments in one dispatch.
 @group(1) @binding(0) var<storage, read_write> args: IndirectArgs;
 @group(1) @binding(1) var<storage, read_write> view_blocks: array<ViewBlock>;
-
-var<workgroup> listed: array<u32, #{SELECT_WORKGROUP}>;
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn list_blocks(@builtin(local_invocation_index) lane: u32) {
@@ -21,12 +20,7 @@ fn list_blocks(@builtin(local_invocation_index) lane: u32) {
     for (var i = begin; i < end; i++) {
         sum += view_blocks[i].state & LISTED;
     }
-    listed[lane] = sum;
-    workgroupBarrier();
-    var next = 0u;
-    for (var i = 0u; i < lane; i++) {
-        next += listed[i];
-    }
+    var next = prefix_sum(lane, vec2(sum, 0u)).before.x;
     for (var i = begin; i < end; i++) {
         if (view_blocks[i].state & LISTED) != 0u {
             view_blocks[next].listed = i;

@@ -1,9 +1,10 @@
-// Turns the runs and items of each block into the indices of its first, writes the runs of groves, and sizes the
-// dispatches that follow.
+// Turns the runs and items of each block into the indices of its first, lists the blocks whose trees have a run, writes the
+// runs of groves, and sizes the dispatches that follow.
 //
 // One workgroup: each thread sums a run of blocks, the sums are scanned, each thread writes its blocks.
 // O(blocks / 256 + 256). CPU twin: src/forest/select.rs.
-#import bevy_treeline::select_bindings::{GROVE, POINTS_PER_ITEM, WORKGROUP, counters, grid, settings}
+#import bevy_treeline::prefix_sum::prefix_sum
+#import bevy_treeline::select_bindings::{GROVE, WORKGROUP, counters, grid, item_count, settings}
 #import bevy_treeline::types::{IndirectArgs, InstanceBlock, Run, ViewBlock}
 
 // Apart from the other bindings: a buffer cannot be storage and source of indirect arguments in one dispatch.
@@ -11,11 +12,6 @@
 @group(1) @binding(1) var<storage, read_write> view_blocks: array<ViewBlock>;
 @group(1) @binding(2) var<storage, read_write> runs: array<Run>;
 @group(1) @binding(3) var<storage, read> instance_blocks: array<InstanceBlock>;
-
-var<workgroup> lane_runs: array<u32, #{SELECT_WORKGROUP}>;
-var<workgroup> lane_items: array<u32, #{SELECT_WORKGROUP}>;
-var<workgroup> lane_grove_runs: array<u32, #{SELECT_WORKGROUP}>;
-var<workgroup> lane_grove_items: array<u32, #{SELECT_WORKGROUP}>;
 
 @compute @workgroup_size(#{SELECT_WORKGROUP})
 fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
@@ -25,19 +21,15 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
     let end = min(begin + own, blocks);
     // Runs and items of trees, of groves.
     var sum = vec4(0u);
+    var sum_listed = 0u;
     for (var i = begin; i < end; i++) {
         let own = vec2(atomicLoad(&view_blocks[i].runs), atomicLoad(&view_blocks[i].items));
-        sum += select(vec4(own, 0u, 0u), vec4(0u, 0u, own), (view_blocks[i].state & GROVE) != 0u);
+        let is_grove = (view_blocks[i].state & GROVE) != 0u;
+        sum += select(vec4(own, 0u, 0u), vec4(0u, 0u, own), is_grove);
+        sum_listed += select(min(own.x, 1u), 0u, is_grove);
     }
-    lane_runs[lane] = sum.x;
-    lane_items[lane] = sum.y;
-    lane_grove_runs[lane] = sum.z;
-    lane_grove_items[lane] = sum.w;
-    workgroupBarrier();
-    var first = vec4(0u);
-    for (var i = 0u; i < lane; i++) {
-        first += vec4(lane_runs[i], lane_items[i], lane_grove_runs[i], lane_grove_items[i]);
-    }
+    var first = vec4(prefix_sum(lane, sum.xy).before, prefix_sum(lane, sum.zw).before);
+    var next_listed = prefix_sum(lane, vec2(sum_listed, 0u)).before.x;
     for (var i = begin; i < end; i++) {
         let own = vec2(atomicLoad(&view_blocks[i].runs), atomicLoad(&view_blocks[i].items));
         let state = view_blocks[i].state;
@@ -48,6 +40,10 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
         } else {
             atomicStore(&view_blocks[i].runs, first.x);
             atomicStore(&view_blocks[i].items, first.y);
+            if own.x > 0u {
+                view_blocks[next_listed].listed = i;
+                next_listed += 1u;
+            }
             first += vec4(own, 0u, 0u);
         }
     }
@@ -71,7 +67,13 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
     atomicStore(&counters.phase_grove_runs, first.z);
     atomicAdd(&counters.items, fitting + fitting_groves);
     atomicAdd(&counters.item_overflow, first.y - fitting + first.w - fitting_groves);
-    args.expand = grid((fitting + fitting_groves + POINTS_PER_ITEM - 1u) / POINTS_PER_ITEM);
+    args.emit = grid(next_listed);
+    // The grid may have more workgroups than there are blocks.
+    for (; next_listed < min(args.emit.x * args.emit.y, blocks); next_listed++) {
+        view_blocks[next_listed].listed = 0xffffffffu;
+    }
+    args.expand = grid(item_count(fitting));
+    args.expand_groves = grid(item_count(fitting_groves));
     args.splat = grid(fitting);
     args.groves = grid(fitting_groves);
     args.resolve = vec4(6u, 0u, 0u, 0u);

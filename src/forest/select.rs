@@ -141,7 +141,7 @@ pub fn select_instance(
 
 /// Work items of the draws, in the order of instances, clusters and points, cut at `capacity`; and how many did not fit.
 /// `tree_of` gives the clusters of an instance's species and the place of its first point in the pool. Twin of
-/// `emit_runs`, `scan_blocks` and `expand_items`, without occlusion.
+/// `scan_blocks`, `emit_runs` and `expand_items`, without occlusion and groves.
 pub fn emit_items<'a>(
     draws: &[PointDraw],
     tree_of: impl Fn(usize) -> (&'a TreeClusters, u32),

@@ -340,10 +340,18 @@ gpu_types! {
         pub clusters: [u32; 3],
         /// Zero.
         pub pad_clusters: u32,
-        /// Work items: workgroups x, y, z.
+        /// Trees of blocks with a run: workgroups x, y, z.
+        pub emit: [u32; 3],
+        /// Zero.
+        pub pad_emit: u32,
+        /// Work items of trees: workgroups x, y, z.
         pub expand: [u32; 3],
         /// Zero.
         pub pad_expand: u32,
+        /// Work items of groves: workgroups x, y, z.
+        pub expand_groves: [u32; 3],
+        /// Zero.
+        pub pad_expand_groves: u32,
         /// Splat: workgroups x, y, z.
         pub splat: [u32; 3],
         /// Zero.

@@ -1,5 +1,5 @@
 //! Order of points in space such that each run of `block` points is compact: what selection works in, and what is culled
-//! whole, has then a small box ([`block_bounds`]).
+//! whole, has then a small box.
 //!
 //! Positions in, a permutation out: the box of a run is halved across its longest axis, at a whole number of blocks, until a run
 //! is one block. O(n log n). In Morton order a block's diagonal is 1.8 times as long: its cells know nothing of blocks (measured).
@@ -39,28 +39,25 @@ pub fn block_order(positions: &[Vec3], block: usize) -> Vec<u32> {
     order
 }
 
-/// The box of each `block` consecutive spheres (centre, radius); the last may hold fewer. Spheres that are not finite
-/// are left out, so that one does not make a box of everything; a block of nothing else has an empty box.
-///
-/// # Panics
-/// If `block` is 0.
-pub fn block_bounds(spheres: &[(Vec3, f32)], block: usize) -> Vec<Aabb> {
-    let of_block = |spheres: &[(Vec3, f32)]| {
-        spheres.iter().filter(|(center, radius)| center.is_finite() && radius.is_finite()).fold(
-            Aabb::default(),
-            |bounds, &(center, radius)| {
-                bounds.including(center - radius).including(center + radius)
-            },
-        )
-    };
-    spheres.chunks(block).map(of_block).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::math::hash::SplitMix64;
     use proptest::prelude::*;
+
+    /// The box of each `block` consecutive spheres (centre, radius); the last may hold fewer. Spheres that are not finite
+    /// are left out, so that one does not make a box of everything; a block of nothing else has an empty box.
+    fn block_bounds(spheres: &[(Vec3, f32)], block: usize) -> Vec<Aabb> {
+        let of_block = |spheres: &[(Vec3, f32)]| {
+            spheres.iter().filter(|(center, radius)| center.is_finite() && radius.is_finite()).fold(
+                Aabb::default(),
+                |bounds, &(center, radius)| {
+                    bounds.including(center - radius).including(center + radius)
+                },
+            )
+        };
+        spheres.chunks(block).map(of_block).collect()
+    }
 
     /// Mean diagonal of the boxes of blocks.
     fn mean_diagonal(positions: impl Iterator<Item = Vec3>, block: usize) -> f32 {

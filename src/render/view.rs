@@ -10,10 +10,7 @@ use super::{
 };
 use crate::{
     forest::{Occlusion, QualityFactor, SplatShape, TemporalSampling, TreelineSettings},
-    gpu::types::{
-        GpuCounters, GpuIndirectArgs, GpuSelectSettings, GpuSplatItem, GpuViewBlock,
-        POINTS_PER_ITEM,
-    },
+    gpu::types::{GpuSelectSettings, GpuSplatItem, GpuViewBlock, POINTS_PER_ITEM},
     lod::{prefix_count::z0, window::WINDOW_CYCLE},
     math::occlusion::{PYRAMID_LEVELS, pyramid_offset},
 };
@@ -25,15 +22,16 @@ use bevy::{
     prelude::*,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
-        render_resource::{Buffer, BufferUsages},
+        render_resource::Buffer,
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
         view::{ExtractedView, Msaa, RetainedViewEntity},
     },
 };
 
+pub(super) use buffers::PHASE_STRIDE;
 use buffers::{
-    DRAW_BYTES, block_buffer, buffer, draw_buffer, item_buffers, pixel_buffers, run_buffer,
+    DRAW_BYTES, block_buffer, draw_buffer, fixed_buffers, item_buffers, pixel_buffers, run_buffer,
 };
 use fit::Fit;
 
@@ -86,14 +84,48 @@ pub(super) struct ViewBuffers {
     window_turn: u32,
 }
 
-/// Bytes from the settings of one phase to those of the next: the largest alignment that devices ask for.
-pub(super) const PHASE_STRIDE: u32 = 512;
-const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
-
 /// Name of a warning beside those of settings.
 const TOO_MANY_BLOCKS: &str = "blocks";
 
 impl ViewBuffers {
+    /// For a view that selects from nothing yet.
+    fn new(device: &RenderDevice, size: UVec2, samples: u32, item_capacity: u32) -> Self {
+        let [visibility, blocks, pyramid] = pixel_buffers(device, size, samples);
+        let [items, splat_items] = item_buffers(device, item_capacity);
+        let [settings, counters, args] = fixed_buffers(device);
+        Self {
+            settings,
+            view_blocks: block_buffer(device, 0),
+            draws: draw_buffer(device, 0),
+            runs: run_buffer(device, item_capacity, 0),
+            items,
+            splat_items,
+            counters,
+            args,
+            visibility,
+            blocks,
+            pyramid,
+            size,
+            samples,
+            occlusion: false,
+            two_phases: false,
+            block_count: 0,
+            listable_blocks: 0,
+            tile_counts: default(),
+            quality: 1.0,
+            written_blocks: vec![],
+            block_capacity: 0,
+            draw_capacity: 0,
+            item_capacity,
+            previous_clip_from_world: None,
+            pyramid_half: 0,
+            fit: default(),
+            used: true,
+            warned: vec![],
+            window_turn: 0,
+        }
+    }
+
     /// Makes these the blocks that the view selects from. At most `most` fit, and room for the trees of `most_listable`.
     fn select_from(
         &mut self,
@@ -227,54 +259,10 @@ pub(super) fn prepare_views(
         let most = (binding_limit / size_of::<GpuSplatItem>() as u64).min((1 << 26) - 1) as u32;
         let wanted = (settings.point_capacity_millions * 1e6 / POINTS_PER_ITEM as f32) as u32;
         let item_capacity = wanted.clamp(1, most);
-        let buffers = views.all.entry(key).or_insert_with(|| {
-            let [visibility, blocks, pyramid] = pixel_buffers(&device, size, settings.samples);
-            let [items, splat_items] = item_buffers(&device, item_capacity);
-            let counters = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-            let args = BufferUsages::STORAGE | BufferUsages::INDIRECT;
-            let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            ViewBuffers {
-                settings: buffer(
-                    &device,
-                    "treeline_settings",
-                    2 * u64::from(PHASE_STRIDE),
-                    uniform,
-                ),
-                view_blocks: block_buffer(&device, 0),
-                draws: draw_buffer(&device, 0),
-                runs: run_buffer(&device, item_capacity, 0),
-                items,
-                splat_items,
-                counters: buffer(
-                    &device,
-                    "treeline_counters",
-                    size_of::<GpuCounters>() as u64,
-                    counters,
-                ),
-                args: buffer(&device, "treeline_args", size_of::<GpuIndirectArgs>() as u64, args),
-                visibility,
-                blocks,
-                pyramid,
-                size,
-                occlusion: false,
-                two_phases: false,
-                previous_clip_from_world: None,
-                pyramid_half: 0,
-                fit: default(),
-                samples: settings.samples,
-                block_count: 0,
-                listable_blocks: 0,
-                tile_counts: default(),
-                quality: settings.quality,
-                written_blocks: vec![],
-                block_capacity: 0,
-                draw_capacity: 0,
-                item_capacity,
-                used: true,
-                warned: vec![],
-                window_turn: 0,
-            }
-        });
+        let buffers = views
+            .all
+            .entry(key)
+            .or_insert_with(|| ViewBuffers::new(&device, size, settings.samples, item_capacity));
         buffers.used = true;
         if (buffers.size, buffers.samples) != (size, settings.samples) {
             [buffers.visibility, buffers.blocks, buffers.pyramid] =

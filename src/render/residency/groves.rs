@@ -1,26 +1,31 @@
 //! Groves: the blocks of far trees as ordered lists of samples, made in the background.
 //!
-//! In: tiles that were packed; out: samples on the GPU, and the blocks of the tile told where they lie. Until then, and
+//! In: tiles that were packed, cameras; out: samples on the GPU, and the blocks of the tile told where they lie. Until then, and
 //! where there is no room, the trees of a block are looked at one by one: the picture is the same. Cost: about 0.1 ms a
 //! block, off the main thread; a write a tile.
 
-use super::{blocks::TileBlocks, surfels::SurfelPool};
+use super::{
+    blocks::TileBlocks,
+    grove_order::{Onlooker, by_urgency},
+    surfels::SurfelPool,
+};
 use crate::{
     forest::{GroveList, SpeciesShape, grove_list},
     gpu::{
         slice_buffer::SliceBuffer,
         types::{GpuTreeInstance, SELECT_WORKGROUP},
     },
+    math::bounding::Aabb,
 };
 use bevy::{
     prelude::*,
     render::renderer::{RenderDevice, RenderQueue},
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
-use std::{collections::VecDeque, sync::Arc};
+use std::sync::Arc;
 
-/// Tiles in the making at one time: bounds the memory of the copies that tasks work on.
-const TASKS: usize = 512;
+/// Tiles in the making at one time. What is in the making comes before what a camera has turned to since.
+const TASKS: usize = 1024;
 /// Bytes of samples that are written in a frame at most, so that streaming never holds one up.
 const WRITE_BYTES: usize = 8 << 20;
 /// Smallest scale of a view that groves are made for: pixels per world unit at distance 1.
@@ -31,6 +36,7 @@ struct Request {
     tile: Entity,
     /// Tells the tile from a later one of the same entity.
     revision: u64,
+    bounds: Aabb,
     instances: Vec<GpuTreeInstance>,
     samples_per_tree: usize,
     /// End of the tile's view range.
@@ -41,7 +47,7 @@ struct Request {
 pub(super) struct Groves {
     /// Two a word.
     pub samples: SliceBuffer,
-    requests: VecDeque<Request>,
+    requests: Vec<Request>,
     tasks: Vec<(Entity, u64, Task<Vec<GroveList>>)>,
 }
 
@@ -71,13 +77,15 @@ impl Groves {
         &mut self,
         tile: Entity,
         revision: u64,
+        bounds: Aabb,
         instances: &[GpuTreeInstance],
         samples_per_tree: usize,
         fade_end: f32,
     ) {
         self.forget(tile);
         let instances = instances.to_vec();
-        self.requests.push_back(Request { tile, revision, instances, samples_per_tree, fade_end });
+        let request = Request { tile, revision, bounds, instances, samples_per_tree, fade_end };
+        self.requests.push(request);
     }
 
     /// Nobody wants those of this tile any more.
@@ -86,17 +94,26 @@ impl Groves {
         self.tasks.retain(|(of, ..)| *of != tile);
     }
 
-    /// Starts what waits, and takes what is ready, in the order of the requests.
-    pub fn update(&mut self, surfels: &SurfelPool) -> Vec<Grown> {
-        let mut shapes: Option<Arc<Vec<Option<SpeciesShape>>>> = None;
-        while self.tasks.len() < TASKS
-            && let Some(request) = self.requests.pop_front()
-        {
-            let shapes = shapes.get_or_insert_with(|| Arc::new(surfels.shapes())).clone();
-            let (tile, revision) = (request.tile, request.revision);
+    /// Starts what waits, the most urgent first.
+    fn start(&mut self, surfels: &SurfelPool, onlookers: &[Onlooker]) {
+        let free = TASKS.saturating_sub(self.tasks.len());
+        if free == 0 || self.requests.is_empty() {
+            return;
+        }
+        let shapes: Arc<Vec<Option<SpeciesShape>>> = Arc::new(surfels.shapes());
+        let bounds: Vec<Aabb> = self.requests.iter().map(|request| request.bounds).collect();
+        let mut requests: Vec<_> = self.requests.drain(..).map(Some).collect();
+        for index in by_urgency(&bounds, onlookers).into_iter().take(free) {
+            let request = requests[index].take().expect("an order names each index once");
+            let (tile, revision, shapes) = (request.tile, request.revision, shapes.clone());
             let task = AsyncComputeTaskPool::get().spawn(async move { grow(&request, &shapes) });
             self.tasks.push((tile, revision, task));
         }
+        self.requests.extend(requests.into_iter().flatten());
+    }
+
+    /// Takes what is ready, in the order in which it was started, and starts what waits in its place.
+    pub fn update(&mut self, surfels: &SurfelPool, onlookers: &[Onlooker]) -> Vec<Grown> {
         let mut ready = vec![];
         let mut bytes = 0;
         while bytes < WRITE_BYTES
@@ -107,6 +124,7 @@ impl Groves {
             ready.push(Grown { tile: *tile, revision: *revision, lists });
             drop(self.tasks.remove(0));
         }
+        self.start(surfels, onlookers);
         ready
     }
 

@@ -10,6 +10,7 @@ mod impostors;
 
 use super::{
     blocks::TileBlocks,
+    grove_order::Onlooker,
     groves::Groves,
     packing::{WorldFromForest, pack_forest},
     surfels::{SpeciesSlot, SurfelPool},
@@ -25,13 +26,14 @@ use crate::{
     render::extract::{ExtractedForest, ExtractedTrees},
 };
 use bevy::{
-    camera::visibility::RenderLayers,
+    camera::{primitives::Frustum, visibility::RenderLayers},
     ecs::entity::EntityHashMap,
     platform::collections::HashMap,
     prelude::*,
     render::{
         render_resource::Buffer,
         renderer::{RenderDevice, RenderQueue},
+        view::ExtractedView,
     },
 };
 use std::sync::Arc;
@@ -118,6 +120,7 @@ pub(in crate::render) fn prepare_instances(
     mut pool: ResMut<InstancePool>,
     surfels: Res<SurfelPool>,
     trees: Res<ExtractedTrees>,
+    cameras: Query<(&ExtractedView, &Frustum), With<Camera3d>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -128,7 +131,15 @@ pub(in crate::render) fn prepare_instances(
     if is_behind {
         pool.update_forests(&trees, &surfels, &mut writer);
     }
-    pool.update_groves(&surfels, &device, &queue);
+    if pool.pending_groves() > 0 {
+        let onlooker = |(view, frustum): (&ExtractedView, &Frustum)| Onlooker {
+            eye: view.world_from_view.translation(),
+            // Not the far plane: projections are infinite.
+            planes: frustum.half_spaces[..5].iter().map(|plane| plane.normal_d()).collect(),
+        };
+        let onlookers: Vec<Onlooker> = cameras.iter().map(onlooker).collect();
+        pool.update_groves(&surfels, &onlookers, &device, &queue);
+    }
     pool.update_impostors(&trees, &surfels, &mut writer);
     pool.flag_near_trees(&trees, &queue);
     pool.count = pool.impostors.iter().map(|run| run.count).sum::<u32>()
@@ -154,8 +165,14 @@ impl InstancePool {
         instances + blocks + u64::from(self.groves.samples.used()) * 4
     }
 
-    fn update_groves(&mut self, surfels: &SurfelPool, device: &RenderDevice, queue: &RenderQueue) {
-        for grown in self.groves.update(surfels) {
+    fn update_groves(
+        &mut self,
+        surfels: &SurfelPool,
+        onlookers: &[Onlooker],
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
+        for grown in self.groves.update(surfels, onlookers) {
             let Some(tile) = self.tiles.get_mut(&grown.tile) else { continue };
             if tile.packed_revision == grown.revision
                 && self.groves.place(grown, &mut tile.blocks, device, queue)
@@ -240,7 +257,8 @@ impl InstancePool {
                 let fade_end = forest.view_range.end;
                 let (revision, samples) = (forest.packed_revision, trees.groves.samples_per_tree);
                 if samples > 0 {
-                    self.groves.request(entity, revision, packed, samples, fade_end);
+                    let bounds = tile.bounds;
+                    self.groves.request(entity, revision, bounds, packed, samples, fade_end);
                 }
                 self.tiles.insert(entity, tile);
             } else {

@@ -3,6 +3,7 @@
 //! In: what was extracted. Out: [`SurfelPool`] and [`InstancePool`]. Only forests that changed are packed and written.
 
 mod blocks;
+mod grove_order;
 mod groves;
 mod instances;
 mod packing;

@@ -1,10 +1,10 @@
 //! Selection: which points of which instances a view draws, as work items of up to 64 points.
 //!
 //! Twice a frame, before and after the depth pyramid: `cull_blocks` → `list_blocks` → `cull_instances` → `size_clusters` →
-//! `cull_clusters` → `scan_blocks` → `emit_runs` → `expand_items`. Every tree is asked once: what culling finds out stands in a
-//! `TreeDraw`, which `emit_runs` and the second phase read. What a work item draws is a run of the surfel pool: a piece of a
-//! cluster's list, or samples of a grove; a view's own list or a cut through a hierarchy would emit other runs and nothing after
-//! this stage would change.
+//! `cull_clusters` → `scan_blocks` → `emit_runs` → `expand_items`, `expand_groves`. Every tree is asked once: what culling finds
+//! out stands in a `TreeDraw`, which `emit_runs` and the second phase read. What a work item draws is a run of the surfel pool: a
+//! piece of a cluster's list, or samples of a grove; a view's own list or a cut through a hierarchy would emit other runs and
+//! nothing after this stage would change.
 
 use super::{
     residency::{InstancePool, SurfelPool},
@@ -65,7 +65,7 @@ struct Pass {
     size: Size,
 }
 
-const PASS_COUNT: usize = 8;
+const PASS_COUNT: usize = 9;
 
 /// In their order.
 const PASSES: [Pass; PASS_COUNT] = [
@@ -136,8 +136,9 @@ const PASSES: [Pass; PASS_COUNT] = [
             (Bound::Species, false),
             (Bound::Looks, false),
             (Bound::Draws, false),
+            (Bound::Items, true),
         ],
-        size: Size::Indirect(offset_of!(GpuIndirectArgs, cull)),
+        size: Size::Indirect(offset_of!(GpuIndirectArgs, emit)),
     },
     Pass {
         entry: "expand_items",
@@ -149,9 +150,19 @@ const PASSES: [Pass; PASS_COUNT] = [
             (Bound::Runs, false),
             (Bound::Items, true),
             (Bound::SplatItems, true),
-            (Bound::Blocks, false),
         ],
         size: Size::Indirect(offset_of!(GpuIndirectArgs, expand)),
+    },
+    Pass {
+        entry: "expand_groves",
+        shader: shaders::EXPAND_GROVES,
+        bound: &[
+            (Bound::Blocks, false),
+            (Bound::Runs, false),
+            (Bound::Items, true),
+            (Bound::SplatItems, true),
+        ],
+        size: Size::Indirect(offset_of!(GpuIndirectArgs, expand_groves)),
     },
 ];
 

@@ -2,8 +2,8 @@
 
 use crate::{
     gpu::types::{
-        GpuRun, GpuSplatItem, GpuTreeDraw, GpuViewBlock, GpuWorkItem, RESOLVE_BLOCK,
-        SELECT_WORKGROUP,
+        GpuCounters, GpuIndirectArgs, GpuRun, GpuSelectSettings, GpuSplatItem, GpuTreeDraw,
+        GpuViewBlock, GpuWorkItem, RESOLVE_BLOCK, SELECT_WORKGROUP,
     },
     math::occlusion::{PYRAMID_LEVELS, pyramid_offset},
 };
@@ -16,12 +16,7 @@ use bevy::{
 };
 
 /// For storage of at least one element, which a binding has to hold.
-pub(super) fn buffer(
-    device: &RenderDevice,
-    label: &'static str,
-    size: u64,
-    usage: BufferUsages,
-) -> Buffer {
+fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
     // A binding holds one element at least.
     let size = size.max(256);
     device.create_buffer(&BufferDescriptor {
@@ -30,6 +25,29 @@ pub(super) fn buffer(
         usage,
         mapped_at_creation: false,
     })
+}
+
+/// Bytes from the settings of one phase to those of the next: the largest alignment that devices ask for.
+pub(in crate::render) const PHASE_STRIDE: u32 = 512;
+const _: () = assert!(size_of::<GpuSelectSettings>() <= PHASE_STRIDE as usize);
+
+/// Settings, counters and arguments: of one size in all views.
+pub(super) fn fixed_buffers(device: &RenderDevice) -> [Buffer; 3] {
+    let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+    let of = |label, size, usage| buffer(device, label, size, usage);
+    [
+        of(
+            "treeline_settings",
+            2 * u64::from(PHASE_STRIDE),
+            BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        ),
+        of("treeline_counters", size_of::<GpuCounters>() as u64, BufferUsages::STORAGE | copied),
+        of(
+            "treeline_args",
+            size_of::<GpuIndirectArgs>() as u64,
+            BufferUsages::STORAGE | BufferUsages::INDIRECT,
+        ),
+    ]
 }
 
 pub(super) fn pixel_buffers(device: &RenderDevice, size: UVec2, samples: u32) -> [Buffer; 3] {
