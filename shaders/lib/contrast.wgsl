@@ -3,7 +3,7 @@
 
 #import bevy_treeline::lod::PI
 
-const LOST_BY_DISPLAY: f32 = 0.1;
+const LOST_BY_DISPLAY: f32 = 0.12;
 
 fn leaves_in_pixel(leaf_area: f32, unit: f32) -> f32 {
     return select(1.0, 1.0 + unit * unit / max(0.5 * leaf_area, 1e-20), leaf_area > 0.0);

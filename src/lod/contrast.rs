@@ -40,9 +40,9 @@ pub fn averaged_after_display(own: f32) -> f32 {
     1.0 - LOST_BY_DISPLAY * (1.0 - own * own)
 }
 
-/// `(1 − g) / 2 · v` of lit leaves behind Bevy's default tone mapping, measured so that the mean of pictures stays: 0.08 to 0.11
+/// `(1 − g) / 2 · v` of lit leaves behind Bevy's default tone mapping, measured so that the mean of pictures stays: 0.08 to 0.12
 /// for an aspen and two oaks.
-const LOST_BY_DISPLAY: f32 = 0.1;
+const LOST_BY_DISPLAY: f32 = 0.12;
 
 /// Mean of `max(n · l, 0)` over leaves of any direction, as many of each, that show their lit or their unlit side: `cos_angle`
 /// is that between light and view. It is the phase function of a Lambertian sphere.
