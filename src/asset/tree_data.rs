@@ -103,8 +103,8 @@ pub struct TreeData {
     pub surface_area: f32,
     /// Mean area of a leaf in square model units: `L` of the area rule; 0 if there are no leaves.
     pub mean_leaf_area: f32,
-    /// Factors on `A` of one point to all, with which so many cover what the tree covers (`lod::thinning`). They follow from
-    /// the points: files do not keep them, and [`TreeData::with_factors`] finds them.
+    /// Factors on `A` of one point to all, with which so many cover what the tree covers (`lod::thinning`), 0 to 2.5. They follow
+    /// from the points: [`TreeData::with_factors`] finds them.
     pub area_factors: [f32; FACTOR_STEPS],
     /// Factors on the colour, with which so many are as bright as the tree. Found with the area factors.
     pub light_factors: [f32; FACTOR_STEPS],
