@@ -33,6 +33,8 @@ shader_files! {
     SURFEL = "lib/surfel.wgsl",
     /// Twin of `lod`.
     LOD = "lib/lod.wgsl",
+    /// Twin of `lod::contrast`.
+    CONTRAST = "lib/contrast.wgsl",
     /// Twin of `forest::TreeInstance`.
     INSTANCE = "lib/instance.wgsl",
     /// Twin of `forest::select_instance`.

@@ -3,7 +3,9 @@
 mod common;
 
 use bevy::{light::CascadeShadowConfigBuilder, prelude::*};
-use bevy_treeline::{SplatPath, TreeImpostor, lod::prefix_count};
+use bevy_treeline::{
+    SplatPath, TreeImpostor, TreelineSettings, lod::prefix_count, math::quantize::srgb8_to_linear,
+};
 use common::{Stage, baked, before, coverage, mean_color};
 
 const SIZE: UVec2 = UVec2::new(96, 80);
@@ -87,6 +89,44 @@ fn a_lamp_brightens_the_side_it_stands_on() {
     let (left, right) = (gain(0), gain(SIZE.x / 2));
     assert!(right > 1.2 && right > left * 1.05, "×{left} on the left, ×{right} on the right");
     assert_eq!(coverage(&with), coverage(&without));
+}
+
+/// Mean and variance of the luminance of what is covered, linear light.
+fn luminance(image: &image::RgbaImage) -> (f32, f32) {
+    let linear = |p: &image::Rgba<u8>| {
+        let [r, g, b] = [p[0], p[1], p[2]].map(srgb8_to_linear);
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let all: Vec<f32> = image.pixels().filter(|p| p[3] > 0).map(linear).collect();
+    let mean = all.iter().sum::<f32>() / all.len() as f32;
+    (mean, all.iter().map(|l| (l - mean) * (l - mean)).sum::<f32>() / all.len() as f32)
+}
+
+#[test]
+fn contrast_correction_keeps_the_mean_and_lowers_the_variance() {
+    for (distance, lowered) in [(300.0, 0.0..0.9), (60.0, 0.7..1.01)] {
+        let sun = Vec3::new(-0.5, -0.7, -0.5);
+        let Some((mut stage, _)) = planted("contrast", sun, false) else { return };
+        let (camera, image) = stage.view(SIZE * 2, before(TREE, distance));
+        let mut shot = |contrast: f32, samples: u32| {
+            let settings = TreelineSettings { contrast, samples, ..default() };
+            stage.world().entity_mut(camera).insert(settings);
+            luminance(&stage.shoot(&image, 3))
+        };
+        let ((mean, variance), (corrected_mean, corrected)) = (shot(0.0, 1), shot(1.0, 1));
+        let shift = corrected_mean / mean - 1.0;
+        println!(
+            "{distance} m: mean {:+.1} %, variance × {:.3}",
+            shift * 100.0,
+            corrected / variance
+        );
+        assert!(shift.abs() < 0.02, "{distance} m: the mean shifts by {shift}");
+        let ratio = corrected / variance;
+        assert!(lowered.contains(&ratio), "{distance} m: variance × {ratio}");
+        // Samples average what the correction then leaves alone.
+        let ((_, sampled), (_, both)) = (shot(0.0, 4), shot(1.0, 4));
+        assert!(both / sampled > ratio - 0.02, "× {} with four samples", both / sampled);
+    }
 }
 
 #[test]

@@ -1,11 +1,15 @@
-//! The WGSL twins of `math::hash`, `math::octahedral`, `asset::surfel` and `lod::window` give what Rust gives. Runs on any adapter.
+//! The WGSL twins of `math::hash`, `math::octahedral`, `asset::surfel` and `lod::{contrast, thinning, window}` give what Rust gives. Runs on any adapter.
 use bevy::{
     math::{Vec2, Vec3},
     tasks::block_on,
 };
 use bevy_treeline::{
     asset::{Surfel, SurfelCold, SurfelHot, light_factor},
-    lod::window::window_start,
+    lod::{
+        contrast::{contrast_factor, leaves_in_pixel, mean_shade, own_share},
+        thinning::{FACTOR_STEPS, factor_of, factor_place},
+        window::window_start,
+    },
     math::{bounding::Aabb, hash, octahedral, quantize},
     shaders,
 };
@@ -14,7 +18,7 @@ const LO: Vec3 = Vec3::new(-2.0, 0.5, 10.0);
 const EXTENT: Vec3 = Vec3::new(4.0, 20.0, 0.25);
 const COUNT: usize = 4096;
 /// Numbers that the shader writes for each input.
-const WRITTEN: usize = 24;
+const WRITTEN: usize = 28;
 
 /// Calls every function of the libraries on words of random bits.
 const ENTRY: &str = "
@@ -30,15 +34,26 @@ fn call_all(@builtin(global_invocation_id) id: vec3<u32>) {
     let albedo = surfel_albedo(w.z, w.w);
     let square = encode(normal);
     let bits = encode_bits(normal, 8u, 7u);
-    var values = array<f32, 24>(
+    let n = f32(w.x & 0xffffu) / 16.0;
+    let n0 = 1.0 + f32(w.y & 0xfffffu);
+    let share = unit_from_bits(w.x);
+    let place = factor_place(n, n0);
+    let words = factor_words(place);
+    var table: array<u32, 16>;
+    for (var i = 0u; i < 16u; i++) {
+        table[i] = w.z ^ (i * 0x9e3779b9u);
+    }
+    var values = array<f32, 28>(
         position.x, position.y, position.z, face.x, face.y, face.z, normal.x, normal.y, normal.z,
         albedo.x, albedo.y, albedo.z, f32(surfel_is_one_sided(w.y)) + 2.0 * f32(surfel_thickness(w.y)), f32(surfel_flags(w.w)), surfel_roughness(w.w),
         surfel_ambient_visibility(w.w), f32(surfel_group(w.w)) + surfel_metallic(w.w), unit_from_bits(w.x), square.x, square.y,
         f32(bits.x), f32(bits.y), surfel_light_factor(surfel_ambient_visibility(w.w)),
         f32(window_start((w.x & 0xffffu) >> (w.w & 15u), 1u + (w.y & 0xffffffu), w.z)),
+        place, factor_between(table[words.x], table[words.y], place), mean_shade(2.0 * share - 1.0),
+        own_share(contrast_factor(leaves_in_pixel(0.01, 3.0 * share), 1.0 + f32(w.y & 7u)), 0.75),
     );
-    for (var i = 0u; i < 24u; i++) {
-        written[id.x * 24u + i] = values[i];
+    for (var i = 0u; i < 28u; i++) {
+        written[id.x * 28u + i] = values[i];
     }
 }
 ";
@@ -55,6 +70,14 @@ fn expected(words: [u32; 4]) -> [f32; WRITTEN] {
     let ambient = f32::from(s.ambient_visibility) / 255.0;
     let count = (words[0] & 0xffff) >> (words[3] & 15);
     let window = window_start(count, 1 + (words[1] & 0xff_ffff), words[2]);
+    let (few, all) = ((words[0] & 0xffff) as f32 / 16.0, 1.0 + (words[1] & 0xf_ffff) as f32);
+    let share = hash::unit_from_bits(words[0]);
+    let table: [f32; FACTOR_STEPS] = std::array::from_fn(|step| {
+        let word = words[2] ^ (step as u32 / 2).wrapping_mul(0x9e37_79b9);
+        (word >> (16 * (step & 1)) & 0xffff) as f32 / 16_384.0
+    });
+    let leaves = leaves_in_pixel(0.01, 3.0 * share);
+    let contrast = contrast_factor(leaves, 1.0 + (words[1] & 7) as f32);
     let (p, f, n) = (s.position, s.face_normal, s.normal);
     #[rustfmt::skip] // in the order of the shader
     let values = [
@@ -62,6 +85,7 @@ fn expected(words: [u32; 4]) -> [f32; WRITTEN] {
         albedo[0], albedo[1], albedo[2], one_sided + 2.0 * f32::from(s.thickness), f32::from(s.flags), s.roughness,
         ambient, f32::from(s.group) + s.metallic, hash::unit_from_bits(words[0]), square.x, square.y,
         bits[0], bits[1], light_factor(ambient), window as f32,
+        factor_place(few, all), factor_of(&table, few, all), mean_shade(2.0 * share - 1.0), own_share(contrast, 0.75),
     ];
     values
 }
@@ -95,7 +119,9 @@ fn source() -> String {
             .collect::<String>();
         plain.replace("octahedral::", "")
     };
-    [shaders::HASH, shaders::OCTAHEDRAL, shaders::SURFEL, shaders::LOD].map(library).concat()
+    [shaders::HASH, shaders::OCTAHEDRAL, shaders::SURFEL, shaders::LOD, shaders::CONTRAST]
+        .map(library)
+        .concat()
         + ENTRY
 }
 
@@ -151,7 +177,7 @@ fn run(device: &wgpu::Device, queue: &wgpu::Queue, words: &[[u32; 4]]) -> Vec<f3
 }
 
 #[test]
-fn wgsl_and_rust_unpack_the_same_surfels() {
+fn wgsl_and_rust_compute_the_same() {
     let Some((device, queue)) = device() else { return };
     let mut random = hash::SplitMix64(1);
     let words: Vec<[u32; 4]> =
@@ -165,6 +191,10 @@ fn wgsl_and_rust_unpack_the_same_surfels() {
                 12 | 13 | 16 | 17 | 23 => 0.0,
                 // Rounded numbers: a step, where the rounded value lies between two.
                 20 | 21 => 1.0,
+                // Logarithms of numbers up to a million, and arc cosines.
+                24 => 1e-3,
+                25 => 4e-3,
+                26 | 27 => 5e-4,
                 _ => 2e-5,
             };
             let difference = (expected - found).abs();

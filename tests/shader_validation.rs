@@ -82,7 +82,7 @@ const SPLATS: &[&[Def]] = &[
     &[on("SPLAT_MIXED"), on("SPLAT_SECOND")],
 ];
 
-/// Light without lamps.
+/// Light without lamps; contrast correction of it and of colours alone.
 const SUNLIGHTS: &[&[Def]] = &[
     &[on("VIEW_PROJECTION_PERSPECTIVE"), on("TREELINE_SUNLIGHT")],
     &[
@@ -92,6 +92,8 @@ const SUNLIGHTS: &[&[Def]] = &[
         on("TREELINE_SUNLIGHT"),
         on("TREELINE_SUN_SHADOWS"),
     ],
+    &[on("VIEW_PROJECTION_PERSPECTIVE"), on("TREELINE_SUNLIGHT"), on("TREELINE_CONTRAST")],
+    &[on("VIEW_PROJECTION_ORTHOGRAPHIC"), on("TREELINE_CONTRAST")],
 ];
 
 /// The same in Bevy's deferred lighting.

@@ -1,8 +1,11 @@
-// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size,window}.rs, statement for statement.
+// Level of detail. CPU twins: src/lod/{prefix_count,fade,splat_size,thinning,window}.rs, statement for statement.
 #define_import_path bevy_treeline::lod
 
 const PI: f32 = 3.14159265;
 const CLOSED_OVERLAP: f32 = 2.0;
+const FACTORS_LAST: f32 = 31.0;
+// As EACH in src/lod/thinning.rs.
+const FACTORS_EACH: f32 = 12.0;
 const GROVE_WINDOW: u32 = 64u;
 // Bit of WorkItem.count: samples of a grove instead of points of a tree; its window stands above bit 8.
 const OF_GROVE: u32 = 0x80000000u;
@@ -71,20 +74,32 @@ fn view_scale(quality: f32, pixels_per_unit: f32, d: f32) -> f32 {
     return quality * pixels * pixels;
 }
 
-// Where a number of points stands in a table of factors of 1, 2, 4 … points, a matrix column by column. Whoever has the
-// table reads two numbers of it, and not all.
-struct Octave {
-    // Column and row of the number of points below, and of twice that.
-    below: vec2<u32>,
-    above: vec2<u32>,
-    share: f32,
+// Where `n` of `n0` points stand in a table of factors.
+fn factor_place(n: f32, n0: f32) -> f32 {
+    let octaves = log2(max(n0 / FACTORS_EACH, 2.0));
+    let many = FACTORS_EACH - 1.0 + (FACTORS_LAST + 1.0 - FACTORS_EACH) * log2(max(n, 1.0) / FACTORS_EACH) / octaves;
+    return min(select(many, max(n, 1.0) - 1.0, n <= FACTORS_EACH), FACTORS_LAST);
 }
 
-fn octave_of(n: f32) -> Octave {
-    let octave = clamp(log2(max(n, 1.0)), 0.0, 15.0);
-    let below = min(u32(octave), 14u);
-    let above = below + 1u;
-    return Octave(vec2(below >> 2u, below & 3u), vec2(above >> 2u, above & 3u), octave - f32(below));
+// Number of the factor below a place: it is between that and the next.
+fn factor_below(place: f32) -> u32 {
+    return min(u32(place), u32(FACTORS_LAST) - 1u);
+}
+
+// The words of a table with the factors below and above a place: two share one. Whoever has the table reads those, and not all.
+fn factor_words(place: f32) -> vec2<u32> {
+    let below = factor_below(place);
+    return vec2(below >> 1u, (below + 1u) >> 1u);
+}
+
+fn factor_at(word: u32, step: u32) -> f32 {
+    return f32((word >> (16u * (step & 1u))) & 0xffffu) / 16384.0;
+}
+
+// The factor at a place, out of its words.
+fn factor_between(low: u32, high: u32, place: f32) -> f32 {
+    let below = factor_below(place);
+    return mix(factor_at(low, below), factor_at(high, below + 1u), place - f32(below));
 }
 
 // What leaves grow by for their size alone.

@@ -24,9 +24,9 @@ struct Species {
     sample_share: f32,
     first_cluster: u32,
     level_count: u32,
-    pad: vec2<u32>,
-    area_factors: mat4x4<f32>,
-    light_factors: mat4x4<f32>,
+    seen_mean: vec2<u32>,
+    area_factors: array<u32, 16>,
+    light_factors: array<u32, 16>,
 }
 
 struct Cluster {
@@ -132,6 +132,9 @@ struct SelectSettings {
     first_grove_run: u32,
     window: u32,
     samples_per_side: u32,
+    contrast: f32,
+    pad: u32,
+    pad_pair: vec2<u32>,
 }
 
 struct Counters {

@@ -12,9 +12,12 @@
 #ifdef TREELINE_SUNLIGHT
 #import bevy_treeline::sunlight::sunlight
 #endif
+#ifdef TREELINE_CONTRAST
+#import bevy_treeline::contrast::{averaged_after_display, contrast_factor, leaves_in_pixel, own_share, unpack_seen_mean}
+#endif
 #import bevy_treeline::instance::{TreeInstance, rotate, rotation_of, species_of, tint_of, tree_instance}
-#import bevy_treeline::lod::{OF_GROVE, grove_point, grove_sample, octave_of, prefix_count}
-#import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
+#import bevy_treeline::lod::{OF_GROVE, WINDOW_CYCLE, factor_between, factor_place, factor_words, grove_point, grove_sample, prefix_count}
+#import bevy_treeline::surfel::{SURFEL_KEEPS_NORMAL, SURFEL_LEAF, SURFEL_UNLIT, surfel_albedo, surfel_ambient_visibility, surfel_face_normal, surfel_flags, surfel_light_factor, surfel_metallic, surfel_roughness, surfel_normal}
 #import bevy_treeline::types::{SelectSettings, Species, SurfelCold, SurfelHot, TreeLook, TreePlace, WorkItem}
 
 @group(2) @binding(0) var<storage, read> looks: array<TreeLook>;
@@ -71,11 +74,24 @@ fn points_deserved(instance: TreeInstance, rotation: vec4<f32>, kind_index: u32)
     return prefix_count(f32(species[kind_index].point_count), s, settings.pixels_per_unit, d, settings.quality);
 }
 
-// Twin of `area_factor`, on the other table.
+// The factor on the colour of a tree of `n` points. Twin of `factor_of`.
 fn light_of_few(kind_index: u32, n: f32) -> f32 {
-    let octave = octave_of(n);
-    return mix(species[kind_index].light_factors[octave.below.x][octave.below.y], species[kind_index].light_factors[octave.above.x][octave.above.y], octave.share);
+    let place = factor_place(n, f32(species[kind_index].point_count));
+    let words = factor_words(place);
+    return factor_between(species[kind_index].light_factors[words.x], species[kind_index].light_factors[words.y], place);
 }
+
+#ifdef TREELINE_CONTRAST
+// How much of its own colour a point keeps at a distance from the eye.
+fn share_of_own(kind_index: u32, scale: f32, distance: f32) -> f32 {
+    let side = settings.samples_per_side;
+    // Windows are shown to be averaged: a whole cycle of them.
+    let samples = side * side * select(1u, WINDOW_CYCLE, settings.window > 0u);
+    let leaf_area = species[kind_index].mean_leaf_area * scale * scale;
+    let leaves = leaves_in_pixel(leaf_area, distance / settings.pixels_per_unit);
+    return own_share(contrast_factor(leaves, f32(samples)), settings.contrast);
+}
+#endif
 
 // Colour of what a sample holds (payload, depth bits; a payload of 0 may not come here). `center`: of the sample, in pixels
 // of the viewport; `frag_coord`: of the pixel, in the target.
@@ -98,12 +114,22 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
     let ndc = center / view.viewport.zw * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     let position = view.world_from_clip * vec4(ndc, depth, 1.0);
     var albedo = surfel_albedo(cold.normal_albedo_rg, cold.albedo_b_misc) * tint_of(instance.look);
-    let is_lit = (surfel_flags(cold.albedo_b_misc) & SURFEL_UNLIT) == 0u;
+    let flags = surfel_flags(cold.albedo_b_misc);
+    let is_lit = (flags & SURFEL_UNLIT) == 0u;
+#ifdef TREELINE_CONTRAST
+    let seen_mean = unpack_seen_mean(species[kind_index].seen_mean);
+    let away = select(distance(position.xyz / position.w, view.world_position), 1.0, settings.orthographic != 0u);
+    let own = share_of_own(kind_index, instance.scale, away);
+#endif
     if is_lit {
         // As the vertex colours of near meshes: a factor for all light, so that a tree looks the same on both sides of
         // the crossfade.
         albedo *= surfel_light_factor(surfel_ambient_visibility(cold.albedo_b_misc));
         albedo *= light_of_few(kind_index, points_deserved(instance, rotation, kind_index));
+#ifdef TREELINE_CONTRAST
+        // The mean is right for any number of points.
+        albedo = mix(seen_mean.rgb * tint_of(instance.look), albedo, own) * averaged_after_display(own);
+#endif
     }
 
     var pbr = pbr_input_new();
@@ -118,7 +144,7 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         // The face decides which side is seen, as a rasteriser would: interpolated normals look away on low-poly trunks.
         let face = rotate(rotation, surfel_face_normal(surfels_hot[point].position_z_face));
         let normal = rotate(rotation, surfel_normal(cold.normal_albedo_rg));
-        let keeps = (surfel_flags(cold.albedo_b_misc) & SURFEL_KEEPS_NORMAL) != 0u;
+        let keeps = (flags & SURFEL_KEEPS_NORMAL) != 0u;
         pbr.N = select(-normal, normal, keeps || dot(face, pbr.V) >= 0.0);
         pbr.world_normal = pbr.N;
         pbr.material.perceptual_roughness = max(surfel_roughness(cold.albedo_b_misc), 0.089);
@@ -128,7 +154,12 @@ fn shade(texel: vec2<u32>, center: vec2<f32>, frag_coord: vec2<f32>) -> vec4<f32
         }
         pbr.material.metallic = surfel_metallic(cold.albedo_b_misc);
 #ifdef TREELINE_SUNLIGHT
+#ifdef TREELINE_CONTRAST
+        // Leaves alone: a trunk is lit as one.
+        color = sunlight(pbr, select(1.0, own, (flags & SURFEL_LEAF) != 0u), seen_mean.a);
+#else
         color = sunlight(pbr);
+#endif
 #else
         color = pbr_functions::apply_pbr_lighting(pbr);
 #endif

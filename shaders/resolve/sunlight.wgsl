@@ -12,8 +12,18 @@
 #import bevy_pbr::pbr_functions::{calculate_F0, calculate_F0_dielectric, calculate_diffuse_color}
 #import bevy_pbr::pbr_types::PbrInput
 #import bevy_pbr::shadows
+#ifdef TREELINE_CONTRAST
+#import bevy_treeline::contrast::mean_shade
+#import bevy_treeline::lod::PI
+#endif
 
+#ifdef TREELINE_CONTRAST
+// `own`: share of a point's own diffuse light; the rest is the mean of leaves of any direction, times `shade`. Highlights stay
+// its own: how bright they are follows from more than directions.
+fn sunlight(in: PbrInput, own: f32, shade: f32) -> vec4<f32> {
+#else
 fn sunlight(in: PbrInput) -> vec4<f32> {
+#endif
     let base = in.material.base_color;
     let metallic = in.material.metallic;
     let perceptual_roughness = in.material.perceptual_roughness;
@@ -37,6 +47,12 @@ fn sunlight(in: PbrInput) -> vec4<f32> {
     var direct = vec3(0.0);
     for (var i = 0u; i < bindings::lights.n_directional_lights; i++) {
         var light = lighting::directional_light(i, &input, true);
+#ifdef TREELINE_CONTRAST
+        let sun = &bindings::lights.directional_lights[i];
+        let to_sun = (*sun).direction_to_light;
+        let more = shade * mean_shade(dot(to_sun, in.V)) - max(dot(in.N, to_sun), 0.0);
+        light = max(light + diffuse_color / PI * (*sun).color.rgb * ((1.0 - own) * more), vec3(0.0));
+#endif
 #ifdef TREELINE_SUN_SHADOWS
         let casts_shadows = (bindings::lights.directional_lights[i].flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u;
         if casts_shadows && (in.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u {

@@ -5,7 +5,7 @@
 // the trees that are looked at cluster by cluster. O(instances in listed blocks). CPU twin: src/forest/select.rs.
 #import bevy_treeline::culling::{REACH, all_of, hides, sphere_outside}
 #import bevy_treeline::instance::{NOT_RESIDENT, matrix_of, rotation_of, species_of, tree_instance}
-#import bevy_treeline::lod::{disc_radius, level_clusters, level_of, octave_of}
+#import bevy_treeline::lod::{disc_radius, factor_between, factor_place, factor_words, level_clusters, level_of}
 #import bevy_treeline::select_bindings::{HAS_HIDDEN, LISTED, SECOND, WAS_HIDDEN, WAS_PARTLY_HIDDEN, WORKGROUP, block_index, counters, instance_count, item_count, settings, view}
 #import bevy_treeline::selection::wanted_points
 #import bevy_treeline::types::{InstanceBlock, Species, TreeDraw, TreeLook, TreePlace, ViewBlock}
@@ -69,8 +69,9 @@ fn select_tree(block: InstanceBlock, lane: u32, asks_pyramid: bool) -> Tree {
     if wanted.as_mesh || wanted.count == 0u {
         return tree;
     }
-    let octave = octave_of(wanted.full);
-    let factor = mix(species[kind_index].area_factors[octave.below.x][octave.below.y], species[kind_index].area_factors[octave.above.x][octave.above.y], octave.share);
+    let place = factor_place(wanted.full, f32(kind.point_count));
+    let words = factor_words(place);
+    let factor = factor_between(species[kind_index].area_factors[words.x], species[kind_index].area_factors[words.y], place);
     tree.verdict = DRAWN;
     tree.count = wanted.count;
     tree.radius = disc_radius(kind.surface_area * instance.scale * instance.scale * factor, wanted.full);

@@ -3,7 +3,7 @@
 #define_import_path bevy_treeline::grove
 
 #import bevy_treeline::instance::{matrix_of, rotation_of, species_of, tree_instance}
-#import bevy_treeline::lod::{disc_radius, grove_point, grove_sample, octave_of}
+#import bevy_treeline::lod::{disc_radius, factor_between, factor_place, factor_words, grove_point, grove_sample}
 #import bevy_treeline::selection::wanted_points
 #import bevy_treeline::splat_bindings::{looks, places, samples, settings, species, view}
 #import bevy_treeline::splat_item::{COUNT, GROVE_UNIT, splat_item}
@@ -23,8 +23,9 @@ fn grove_item(shared_item: SplatItem, lane: u32) -> SplatItem {
     let eye = select(view.world_position, settings.culling_eye, settings.culling_frozen != 0u);
     let d = select(distance(center, eye), 1.0, settings.orthographic != 0u);
     let wanted = wanted_points(settings, instance, kind, d, item.area, item.leaf_overlap);
-    let octave = octave_of(wanted.full);
-    let factor = mix(species[kind_index].area_factors[octave.below.x][octave.below.y], species[kind_index].area_factors[octave.above.x][octave.above.y], octave.share);
+    let step = factor_place(wanted.full, f32(kind.point_count));
+    let words = factor_words(step);
+    let factor = factor_between(species[kind_index].area_factors[words.x], species[kind_index].area_factors[words.y], step);
     let radius = disc_radius(kind.surface_area * instance.scale * instance.scale * factor, wanted.full);
     let rank = sample & 0xffu;
     item = splat_item(view.view_from_world, instance, kind, kind.first_point + grove_point(rank, settings.window, kind.point_count), 1u, radius, settings.overlap_gain, settings.splat_shape);

@@ -5,6 +5,7 @@
 //! | `HEAD` | 1 | no | box (6 × f32), LDI pixel, surface area, mean leaf area (f32), 0 (u32), number of points (u64) |
 //! | `HOTS` | 1 | no | width of the lanes (u8), hot halves of the points in lanes |
 //! | `COLD` | 1 | no | width of the lanes (u8), cold halves in lanes |
+//! | `FACT` | 1 | yes | factors on area and on colour (32 × f32 each), mean colour (3 × f32) and shade (f32) of what is seen; found anew from the points where it is missing |
 //! | `STAT` | 1 | yes | JSON: statistics and source |
 //!
 //! This is where the asset grows. A new kind of data is a new section: optional if the tree can be drawn well
@@ -19,8 +20,14 @@ use super::sections::{
     FLAG_OPTIONAL, Reader, Section, StoredSection, read_sections, write_sections,
 };
 use super::surfel::{SurfelCold, SurfelHot};
-use super::tree_data::{BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError};
-use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
+use super::thinning::Thinning;
+use super::tree_data::{
+    BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError,
+};
+use crate::{
+    lod::thinning::{FACTOR_LIMIT, FACTOR_STEPS},
+    math::bounding::Aabb,
+};
 use bevy::math::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -37,11 +44,14 @@ struct KnownSection {
 const HEAD: KnownSection = KnownSection { id: SectionId(*b"HEAD"), version: 1, flags: 0 };
 const HOTS: KnownSection = KnownSection { id: SectionId(*b"HOTS"), version: 1, flags: 0 };
 const COLD: KnownSection = KnownSection { id: SectionId(*b"COLD"), version: 1, flags: 0 };
+const FACT: KnownSection =
+    KnownSection { id: SectionId(*b"FACT"), version: 1, flags: FLAG_OPTIONAL };
 const STAT: KnownSection =
     KnownSection { id: SectionId(*b"STAT"), version: 1, flags: FLAG_OPTIONAL };
-const KNOWN: [KnownSection; 4] = [HEAD, HOTS, COLD, STAT];
+const KNOWN: [KnownSection; 5] = [HEAD, HOTS, COLD, FACT, STAT];
 
 const HEAD_BYTES: u64 = 48;
+const FACT_BYTES: u64 = (2 * FACTOR_STEPS as u64 + 4) * 4;
 /// JSON of texts within `MAX_TEXT_BYTES` is smaller: a byte takes at most 6 (`\u0000`).
 const MAX_STAT_BYTES: u64 = 32 << 20;
 
@@ -82,7 +92,8 @@ pub fn encode(tree: &TreeData) -> Vec<u8> {
         || points(HOTS, bytemuck::cast_slice(&tree.hot)),
         || points(COLD, bytemuck::cast_slice(&tree.cold)),
     );
-    write_sections(&[section(HEAD, &encode_head(tree)), hots, cold, section(STAT, &stat)])
+    let (head, factors) = (section(HEAD, &encode_head(tree)), section(FACT, &encode_factors(tree)));
+    write_sections(&[head, hots, cold, factors, section(STAT, &stat)])
 }
 
 /// The tree of a `.treeline` file's bytes.
@@ -102,15 +113,20 @@ pub fn decode(file: &[u8]) -> Result<TreeData, FormatError> {
         pixel: head.pixel,
         surface_area: head.surface_area,
         mean_leaf_area: head.mean_leaf_area,
-        area_factors: [1.0; AREA_OCTAVES],
-        light_factors: [1.0; AREA_OCTAVES],
+        area_factors: [1.0; FACTOR_STEPS],
+        light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: stat.source.into_owned(),
         statistics: stat.statistics.into_owned(),
     };
     tree.validate()?;
-    Ok(tree.with_factors())
+    if find(&sections, &FACT).is_none() {
+        return Ok(tree.with_factors());
+    }
+    let Thinning { area, light, mean } = decode_factors(&raw_of(&sections, &FACT, FACT_BYTES)?)?;
+    Ok(TreeData { area_factors: area, light_factors: light, seen_mean: mean, ..tree })
 }
 
 /// Refuses required sections that this program does not know, and known ones that are stored in a newer way.
@@ -175,6 +191,28 @@ fn decode_head(raw: &[u8]) -> Result<Head, FormatError> {
         return refuse("the number of points", point_count.to_string(), "1 to 134,217,728");
     }
     Ok(Head { bounds: Aabb { min, max }, pixel, surface_area, mean_leaf_area, point_count })
+}
+
+fn encode_factors(tree: &TreeData) -> Vec<u8> {
+    let SeenMean { color, shade } = tree.seen_mean;
+    let factors = tree.area_factors.iter().chain(&tree.light_factors);
+    factors.chain(&color).chain([&shade]).flat_map(|number| number.to_le_bytes()).collect()
+}
+
+fn decode_factors(raw: &[u8]) -> Result<Thinning, FormatError> {
+    let mut raw = Reader(raw);
+    let mut numbers = [0.0; 2 * FACTOR_STEPS + 4];
+    for number in &mut numbers {
+        *number = f32::from_le_bytes(raw.array("`FACT`")?);
+        if !(0.0..=FACTOR_LIMIT).contains(number) {
+            let (what, expected) = ("a factor of few points", "0 to 2.5");
+            return Err(TreeDataError { what, value: number.to_string(), expected }.into());
+        }
+    }
+    let table = |first: usize| std::array::from_fn(|step| numbers[first + step]);
+    let [.., red, green, blue, shade] = numbers;
+    let mean = SeenMean { color: [red, green, blue], shade };
+    Ok(Thinning { area: table(0), light: table(FACTOR_STEPS), mean })
 }
 
 /// One half of the points.

@@ -85,7 +85,7 @@ fn durations_are_kept_to_the_microsecond() {
 fn the_header_is_what_the_documentation_says() {
     let file = encode(&synthetic_tree(10, 1));
     assert_eq!(file[..8], MAGIC);
-    assert_eq!(file[8..16], [1, 0, 0, 0, 4, 0, 0, 0]);
+    assert_eq!(file[8..16], [1, 0, 0, 0, 5, 0, 0, 0]);
     assert_eq!(file[16..24], *b"HEAD\x01\x00\x00\x00");
     let stat = entry_of(&file, b"STAT");
     assert_eq!(file[stat..stat + 8], *b"STAT\x01\x00\x01\x00");
@@ -190,6 +190,16 @@ fn a_newer_version_of_a_section_is_skipped_only_if_it_is_optional() {
 }
 
 #[test]
+fn factors_that_a_file_lacks_are_found_from_its_points() {
+    let tree = synthetic_tree(300, 1);
+    let without = with_sections(|s| s.retain(|s| s.id != FACT.id));
+    let found = decode(&without).expect("they are optional");
+    assert_eq!(found, tree.clone().with_factors());
+    assert_ne!(found.area_factors, tree.area_factors);
+    assert_eq!(decode(&encode(&found)), Ok(found));
+}
+
+#[test]
 fn a_missing_or_repeated_section_is_named() {
     let missing = with_sections(|s| s.retain(|s| s.id != HOTS.id));
     assert_eq!(section_problem(&missing), ("`HOTS`".into(), SectionProblem::Missing));
@@ -260,9 +270,13 @@ fn values_that_make_no_tree_are_named() {
     assert_eq!(with_head(28, f32::INFINITY), "the surface area");
     assert_eq!(with_head(32, -1.0), "the mean leaf area");
     assert_eq!(with_head(36, 1.0), "the spare number of `HEAD`");
-    let json = with_sections(|s| s[3].raw = br#"{"statistics":3}"#.to_vec());
+    let json = with_sections(|s| s[4].raw = br#"{"statistics":3}"#.to_vec());
     let (id, problem) = section_problem(&json);
     assert!(id == "`STAT`" && matches!(problem, SectionProblem::Json { .. }));
+    for wrong in [-0.1f32, 2.6, f32::NAN] {
+        let factors = with_sections(|s| s[3].raw[8..12].copy_from_slice(&wrong.to_le_bytes()));
+        assert!(matches!(decode(&factors), Err(FormatError::Value(_))), "{wrong}");
+    }
     let lanes = with_sections(|s| s[1].raw[0] = 4);
     assert_eq!(section_problem(&lanes).1, SectionProblem::Layout { width: 4 });
     let shorter = with_sections(|s| s[2].raw.truncate(8));
@@ -361,6 +375,7 @@ proptest! {
         text in ".*",
         layers in prop::collection::vec(any::<u32>(), 0..64),
         counts in prop::array::uniform3(any::<u64>()),
+        factors in prop::array::uniform32(0.0f32..2.5),
     ) {
         let mut tree = synthetic_tree(1, 1);
         tree.hot = words
@@ -379,7 +394,7 @@ proptest! {
         tree.statistics.backend = text;
         tree.statistics.layers = layers;
         [tree.statistics.seed, tree.statistics.left_over, tree.statistics.triangles] = counts;
-        let tree = tree.with_factors();
+        (tree.area_factors, tree.light_factors[7], tree.seen_mean.shade) = (factors, factors[1], factors[2]);
         let file = encode(&tree);
         prop_assert_eq!(&encode(&decode(&file).expect("just written")), &file);
         prop_assert_eq!(decode(&file), Ok(tree));

@@ -30,5 +30,5 @@ pub use surfel::{
 };
 pub use tree_asset::{NEAR_LIGHTING_PASS, NearMesh, NearMeshPiece, TreeAsset};
 pub use tree_data::{
-    BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData, TreeDataError,
+    BakeSeconds, BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData, TreeDataError,
 };

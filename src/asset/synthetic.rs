@@ -1,9 +1,9 @@
 //! A tree-like cloud of surfels for tests of the file format: discs for leaves in a crown, snapped to an LDI as
-//! peeling does, in random order. The same for the same seed.
+//! peeling does, in random order. The same for the same seed. Factors of few points are all 1.
 
 use super::surfel::{SURFEL_LEAF, SURFEL_TWO_SIDED, Surfel};
-use super::tree_data::{BakeSeconds, BakeStatistics, SourceReference, TreeData};
-use crate::lod::splat_size::AREA_OCTAVES;
+use super::tree_data::{BakeSeconds, BakeStatistics, SeenMean, SourceReference, TreeData};
+use crate::lod::thinning::FACTOR_STEPS;
 use crate::math::{bounding::Aabb, hash::SplitMix64};
 use bevy::math::Vec3;
 
@@ -44,13 +44,14 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
     }
     random.shuffle(&mut surfels);
     let (hot, cold) = surfels.iter().map(|s| s.pack(&bounds)).unzip();
-    let tree = TreeData {
+    TreeData {
         bounds,
         pixel,
         surface_area: 123.4,
         mean_leaf_area: 0.015,
-        area_factors: [1.0; AREA_OCTAVES],
-        light_factors: [1.0; AREA_OCTAVES],
+        area_factors: [1.0; FACTOR_STEPS],
+        light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: Some(SourceReference { path: "trees/oak.glb".into(), content_hash: [7; 32] }),
@@ -66,8 +67,7 @@ pub(crate) fn synthetic_tree(count: usize, seed: u64) -> TreeData {
             seconds: BakeSeconds { loading: 0.25, peeling: 1.234_567, ordering: 0.1, total: 1.6 },
             warnings: vec!["material `bark` is blended: read as a mask".into()],
         },
-    };
-    tree.with_factors()
+    }
 }
 
 /// A point of the unit ball.

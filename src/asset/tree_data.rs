@@ -2,7 +2,7 @@
 
 use super::surfel::{Surfel, SurfelCold, SurfelHot};
 use super::thinning::{Thinning, thinning};
-use crate::{lod::splat_size::AREA_OCTAVES, math::bounding::Aabb};
+use crate::{lod::thinning::FACTOR_STEPS, math::bounding::Aabb};
 use serde::{Deserialize, Serialize};
 
 /// Most points of one tree: a half (hot or cold) of this many takes 1 GiB.
@@ -76,6 +76,22 @@ pub struct BakeStatistics {
     pub warnings: Vec<String>,
 }
 
+/// What is seen of a tree on average: towards it the contrast correction moves colours ([`lod::contrast`](crate::lod::contrast)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenMean {
+    /// Colour in light of 1, linear: albedo with the shade of the tree itself; what is lit counts more.
+    pub color: [f32; 3],
+    /// How bright leaves are beside leaves of any direction
+    /// ([`mean_shade`](crate::lod::contrast::mean_shade)), 0 to 2.
+    pub shade: f32,
+}
+
+impl Default for SeenMean {
+    fn default() -> Self {
+        Self { color: [1.0; 3], shade: 1.0 }
+    }
+}
+
 /// A baked tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TreeData {
@@ -87,11 +103,13 @@ pub struct TreeData {
     pub surface_area: f32,
     /// Mean area of a leaf in square model units: `L` of the area rule; 0 if there are no leaves.
     pub mean_leaf_area: f32,
-    /// Factor on `A` for 1, 2, 4 … points, with which so few cover what the tree covers. Follows from the points: files do not
-    /// keep it, and [`TreeData::with_factors`] finds it.
-    pub area_factors: [f32; AREA_OCTAVES],
-    /// Factor on the colour for 1, 2, 4 … points, with which so few are as bright as the tree. Found with the area factors.
-    pub light_factors: [f32; AREA_OCTAVES],
+    /// Factors on `A` of one point to all, with which so many cover what the tree covers (`lod::thinning`), 0 to 2.5. They follow
+    /// from the points: [`TreeData::with_factors`] finds them.
+    pub area_factors: [f32; FACTOR_STEPS],
+    /// Factors on the colour, with which so many are as bright as the tree. Found with the area factors.
+    pub light_factors: [f32; FACTOR_STEPS],
+    /// What is seen of the tree on average. Found with the area factors.
+    pub seen_mean: SeenMean,
     /// Half of the points read by the splat pass, in progressive order: every prefix is a level of detail.
     pub hot: Vec<SurfelHot>,
     /// The other half, read by the resolve pass: same length, same order.
@@ -120,10 +138,10 @@ impl TreeData {
         self.hot.len()
     }
 
-    /// This tree with its [`TreeData::area_factors`] and [`TreeData::light_factors`]. O(points).
+    /// This tree with its [`TreeData::area_factors`], [`TreeData::light_factors`] and [`TreeData::seen_mean`]. O(points).
     pub fn with_factors(self) -> Self {
-        let Thinning { area, light } = thinning(&self);
-        Self { area_factors: area, light_factors: light, ..self }
+        let Thinning { area, light, mean } = thinning(&self);
+        Self { area_factors: area, light_factors: light, seen_mean: mean, ..self }
     }
 
     /// `N0 s² / A`: the mean share of its area that a point shows to its peeling direction; 0 if it was peeled from more

@@ -8,8 +8,10 @@ use super::{
     source::{self, SourceError, SourceModel},
     surfels,
 };
-use crate::asset::{BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SourceReference, TreeData};
-use crate::lod::splat_size::AREA_OCTAVES;
+use crate::asset::{
+    BakeCache, BakeSeconds, BakeStatistics, MAX_POINTS, SeenMean, SourceReference, TreeData,
+};
+use crate::lod::thinning::FACTOR_STEPS;
 use bevy::log::{debug, info, warn};
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -265,8 +267,9 @@ fn bake(
         pixel: viewports[0].pixel,
         surface_area,
         mean_leaf_area: model.mean_leaf_area(),
-        area_factors: [1.0; AREA_OCTAVES],
-        light_factors: [1.0; AREA_OCTAVES],
+        area_factors: [1.0; FACTOR_STEPS],
+        light_factors: [1.0; FACTOR_STEPS],
+        seen_mean: SeenMean::default(),
         hot,
         cold,
         source: None,

@@ -213,7 +213,7 @@ mod tests {
         lod::{
             fade::ViewRange,
             prefix_count::{round_count, thinned},
-            splat_size::AREA_OCTAVES,
+            thinning::FACTOR_STEPS,
         },
         math::hash::SplitMix64,
     };
@@ -227,7 +227,7 @@ mod tests {
             pixel: 0.02,
             surface_area: 90.0,
             mean_leaf_area: 0.005,
-            area_factors: [1.0; AREA_OCTAVES],
+            area_factors: [1.0; FACTOR_STEPS],
         },
         SpeciesShape {
             center: Vec3::new(0.3, 0.5, 0.0),
@@ -235,7 +235,7 @@ mod tests {
             pixel: 0.01,
             surface_area: 2.0,
             mean_leaf_area: 0.001,
-            area_factors: [1.0; AREA_OCTAVES],
+            area_factors: [1.0; FACTOR_STEPS],
         },
         SpeciesShape {
             center: Vec3::new(0.0, 0.1, 0.0),
@@ -243,7 +243,7 @@ mod tests {
             pixel: 0.1,
             surface_area: 0.05,
             mean_leaf_area: 0.0,
-            area_factors: [1.0; AREA_OCTAVES],
+            area_factors: [1.0; FACTOR_STEPS],
         },
     ];
 

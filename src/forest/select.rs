@@ -8,7 +8,8 @@ use crate::{
         clusters::{CLUSTERS, FIRST_CLUSTER, cluster_points, level_of},
         fade::{FadeBand, ViewRange, fade_band, fade_state},
         prefix_count::{d0, prefix_count, round_count, z0},
-        splat_size::{AREA_OCTAVES, area_factor, disc_radius},
+        splat_size::disc_radius,
+        thinning::{FACTOR_STEPS, factor_of},
     },
     math::hash::unit_from_bits,
 };
@@ -49,8 +50,8 @@ pub struct SpeciesShape {
     pub surface_area: f32,
     /// `L`.
     pub mean_leaf_area: f32,
-    /// Factor on `A` for 1, 2, 4 … points.
-    pub area_factors: [f32; AREA_OCTAVES],
+    /// Factors on `A` of one point to all.
+    pub area_factors: [f32; FACTOR_STEPS],
 }
 
 impl From<&TreeData> for SpeciesShape {
@@ -132,7 +133,8 @@ pub fn select_instance(
     }
     let count = round_count(wanted, instance.hash()).min(shape.point_count);
     let scale2 = instance.scale * instance.scale;
-    let area = shape.surface_area * scale2 * area_factor(&shape.area_factors, n);
+    let area =
+        shape.surface_area * scale2 * factor_of(&shape.area_factors, n, shape.point_count as f32);
     let radius = if count == 0 { 0.0 } else { disc_radius(area, n) };
     Selection { distance: d, band, mesh, draw: PointDraw { count, radius } }
 }
@@ -190,7 +192,7 @@ mod tests {
             pixel: 0.02,
             surface_area: 60.0,
             mean_leaf_area: 0.006,
-            area_factors: [1.0; AREA_OCTAVES],
+            area_factors: [1.0; FACTOR_STEPS],
         }
     }
 

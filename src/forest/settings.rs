@@ -122,6 +122,11 @@ pub struct TreelineSettings {
     pub overlap_gain: f32,
     /// Shape of the splats. Default: cells.
     pub splat_shape: SplatShape,
+    /// Strength of the contrast correction, 0 to 1: a pixel of a far crown that shows one leaf of many is moved towards the
+    /// mean of its tree, by as much as its variance is too large (see [`lod::contrast`](crate::lod::contrast)). Antialiasing
+    /// averages leaves itself, and then less is done. Of light only that of directional lights, where there are no others.
+    /// 0 is off and costs nothing. Default: 0.5 (measured, see `docs/results.md`).
+    pub contrast: f32,
     /// What is not drawn because it is hidden. Default: closed.
     pub occlusion: Occlusion,
     /// Samples of points in each pixel: 1 or 4. 4 antialias every single frame, without a history, for pictures and for
@@ -150,6 +155,7 @@ impl Default for TreelineSettings {
             fade_jitter: 0.15,
             overlap_gain: crate::lod::splat_size::OVERLAP_GAIN,
             splat_shape: SplatShape::Cells,
+            contrast: 0.5,
             occlusion: Occlusion::Closed,
             samples: 1,
             temporal: TemporalSampling::Auto,
@@ -177,6 +183,7 @@ impl TreelineSettings {
         clamp(&mut out.fade_width, 0.0, 0.9, 0.25, "fade_width");
         clamp(&mut out.fade_jitter, 0.0, 0.9, 0.15, "fade_jitter");
         clamp(&mut out.overlap_gain, 0.0, 1.0, 0.22, "overlap_gain");
+        clamp(&mut out.contrast, 0.0, 1.0, 0.5, "contrast");
         clamp(&mut out.point_capacity_millions, 0.01, 1000.0, 16.0, "point_capacity_millions");
         let samples = if out.samples > 1 { 4 } else { 1 };
         if out.samples != samples {
@@ -245,9 +252,16 @@ mod tests {
     fn values_out_of_range_are_moved_and_named() {
         let (same, moved) = TreelineSettings::default().clamped();
         assert_eq!((same, moved.len()), (TreelineSettings::default(), 0));
-        let bad = TreelineSettings { quality: f32::NAN, fade_width: 7.0, samples: 2, ..default() };
+        let bad = TreelineSettings {
+            quality: f32::NAN,
+            fade_width: 7.0,
+            contrast: -1.0,
+            samples: 2,
+            ..default()
+        };
         let (good, moved) = bad.clamped();
-        assert_eq!((good.quality, good.fade_width, good.samples), (2.0, 0.9, 4));
-        assert_eq!(moved, ["quality", "fade_width", "samples"]);
+        assert_eq!((good.quality, good.fade_width, good.contrast), (2.0, 0.9, 0.0));
+        assert_eq!(good.samples, 4);
+        assert_eq!(moved, ["quality", "fade_width", "contrast", "samples"]);
     }
 }

@@ -69,12 +69,12 @@ gpu_types! {
         pub first_cluster: u32,
         /// Levels of clusters, 1 to 3.
         pub level_count: u32,
-        /// Zero.
-        pub pad: [u32; 2],
-        /// Factor on `A` for 1, 2, 4 … points.
-        pub area_factors: [[f32; 4]; 4],
-        /// Factor on the colour for 1, 2, 4 … points.
-        pub light_factors: [[f32; 4]; 4],
+        /// Mean of what is seen of it (`pack_seen_mean`).
+        pub seen_mean: [u32; 2],
+        /// Factors on `A` of one point to all (`lod::thinning::pack_factors`).
+        pub area_factors: [u32; 16],
+        /// Factors on the colour.
+        pub light_factors: [u32; 16],
     }
 
     /// Neighbouring points of a species: a list of its own in the surfel pool.
@@ -276,6 +276,12 @@ gpu_types! {
         pub window: u32,
         /// Samples along each side of a pixel, 1 or 2.
         pub samples_per_side: u32,
+        /// Strength of the contrast correction, 0 to 1.
+        pub contrast: f32,
+        /// Zero.
+        pub pad: u32,
+        /// Zero.
+        pub pad_pair: [u32; 2],
     }
 
     /// What happened, per view and frame.

@@ -22,19 +22,6 @@ pub fn disc_radius(area: f32, n: f32) -> f32 {
     (area / n.max(1e-6) / PI).sqrt()
 }
 
-/// Octaves of [`area_factor`]: trees of 1 to 32,768 points.
-pub const AREA_OCTAVES: usize = 16;
-
-/// Factor on the area that the splats of a tree of `n` points have together, from those of 1, 2, 4 … points: what
-/// few points cover too much, since they hide less of each other than many do (see
-/// [`TreeData::area_factors`](crate::asset::TreeData::area_factors)).
-pub fn area_factor(factors: &[f32; AREA_OCTAVES], n: f32) -> f32 {
-    let octave = n.log2().clamp(0.0, AREA_OCTAVES as f32 - 1.0);
-    let below = (octave as usize).min(AREA_OCTAVES - 2);
-    let (low, high) = (factors[below], factors[below + 1]);
-    low + (high - low) * (octave - below as f32)
-}
-
 /// Factor on the area of the splat of a leaf, 1 to `1 + gain`: `1 + gain (1 − 1 / (1 + L / 4a))`. 1 where a point of
 /// `radius` (of the disc) stands for a whole leaf of area `leaf_area` (`L`, world units²), `1 + gain` where a leaf has many,
 /// and where there are no leaves (`L` is 0).
@@ -63,15 +50,6 @@ pub fn overlap(leaf_overlap: f32, thickness: u8, is_one_sided: bool, spacing: f3
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn area_factors_lie_between_those_of_their_octave() {
-        let factors = std::array::from_fn(|octave| octave as f32);
-        let found = [0.0, 0.3, 1.0, 2.0, 6.0, 32_768.0, 1e9].map(|n| area_factor(&factors, n));
-        assert_eq!([found[0], found[1], found[2], found[3]], [0.0, 0.0, 0.0, 1.0]);
-        assert!((found[4] - 6f32.log2()).abs() < 1e-6);
-        assert_eq!(found[5..], [15.0, 15.0]);
-    }
 
     #[test]
     fn splats_have_the_area_of_the_tree_times_the_overlap() {

@@ -377,6 +377,9 @@ pub(super) fn prepare_views(
             first_grove_run: item_capacity,
             window: buffers.next_window(settings.temporal, jitter.is_some()),
             samples_per_side: if settings.samples > 1 { 2 } else { 1 },
+            contrast: settings.contrast,
+            pad: 0,
+            pad_pair: [0; 2],
         };
         let second_phase = GpuSelectSettings { phase: 1, ..first_phase };
         for (phase, settings) in [first_phase, second_phase].iter().enumerate() {

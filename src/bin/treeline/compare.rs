@@ -36,6 +36,9 @@ pub struct CompareArgs {
     /// Overlap of splats, 0 to 1.
     #[arg(long, default_value_t = TreelineSettings::default().overlap_gain)]
     overlap: f32,
+    /// Strength of the contrast correction, 0 to 1.
+    #[arg(long, default_value_t = TreelineSettings::default().contrast, allow_negative_numbers = true)]
+    contrast: f32,
     /// Instead: frame times of 50 instances at d0 to 8 d0, as points (q 1) and as meshes (the paper's Table 2).
     #[arg(long)]
     table2: bool,
@@ -137,6 +140,7 @@ pub fn run(args: &CompareArgs) -> ToolResult {
     }
     for (name, value, range) in [
         ("--overlap", args.overlap, 0.0..=1.0),
+        ("--contrast", args.contrast, 0.0..=1.0),
         ("--azimuth", args.azimuth, -360.0..=360.0),
         ("--elevation", args.elevation, -89.0..=89.0),
     ] {
@@ -153,6 +157,7 @@ pub fn run(args: &CompareArgs) -> ToolResult {
     let settings = TreelineSettings {
         quality: args.quality,
         overlap_gain: args.overlap,
+        contrast: args.contrast,
         splat_shape: args.splats.into(),
         ..Default::default()
     };

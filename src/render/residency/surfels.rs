@@ -4,10 +4,10 @@
 //! whenever the set of species changes, else nothing.
 
 use crate::{
-    asset::{SurfelCold, SurfelHot, TreeAsset, TreeClusters, TreeData},
+    asset::{SeenMean, SurfelCold, SurfelHot, TreeAsset, TreeClusters, TreeData},
     forest::SpeciesShape,
     gpu::types::{GpuCluster, GpuSpecies, SPECIES_NOT_RESIDENT},
-    lod::splat_size::disc_radius,
+    lod::{splat_size::disc_radius, thinning::pack_factors},
     render::extract::ExtractedTrees,
 };
 use bevy::{
@@ -96,6 +96,13 @@ fn same(
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.0 == b.0 && Arc::ptr_eq(&a.1, &b.1))
 }
 
+/// Red and green, blue and half of the shade, as 16 bits each. Twin of `unpack_seen_mean` in `shaders/lib/contrast.wgsl`.
+fn pack_seen_mean(mean: &SeenMean) -> [u32; 2] {
+    let unorm = |value: f32| (value.clamp(0.0, 1.0) * 65_535.0).round() as u32;
+    let [r, g, b] = mean.color.map(unorm);
+    [r | g << 16, b | unorm(0.5 * mean.shade) << 16]
+}
+
 fn gpu_species(
     tree: &TreeData,
     first_point: u32,
@@ -115,9 +122,9 @@ fn gpu_species(
         sample_share: tree.sample_share(),
         first_cluster,
         level_count,
-        pad: [0; 2],
-        area_factors: bytemuck::cast(tree.area_factors),
-        light_factors: bytemuck::cast(tree.light_factors),
+        seen_mean: pack_seen_mean(&tree.seen_mean),
+        area_factors: pack_factors(&tree.area_factors),
+        light_factors: pack_factors(&tree.light_factors),
     }
 }
 

@@ -179,7 +179,8 @@ pub(super) fn specialize_resolve(
             let (mesh, fog) = (key | topology, SimpleFog::of(fog));
             let sunlight = Sunlight::of(mesh, lamps, shadows);
             let debug_view = debug_view(settings);
-            let key = ResolveKey { mesh, fog, debug_view, draw, sunlight };
+            let contrast = has_contrast(settings);
+            let key = ResolveKey { mesh, fog, debug_view, draw, sunlight, contrast };
             specialized.specialize(&cache, &pipeline, key)
         };
         let pipelines = if settings.is_some_and(|settings| settings.samples > 1) {
@@ -205,6 +206,11 @@ pub(super) struct ViewResolvePipelines {
 
 fn debug_view(settings: Option<&TreelineSettings>) -> DebugView {
     settings.map_or(DebugView::Off, |settings| settings.debug_view)
+}
+
+fn has_contrast(settings: Option<&TreelineSettings>) -> bool {
+    let (settings, _) = settings.cloned().unwrap_or_default().clamped();
+    settings.contrast > 0.0
 }
 
 /// On cameras that draw trees.

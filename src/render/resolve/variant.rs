@@ -15,6 +15,8 @@ pub(in crate::render) struct ResolveKey {
     pub debug_view: DebugView,
     pub draw: ResolveDraw,
     pub sunlight: Option<Sunlight>,
+    /// Colours are moved towards the mean of their tree.
+    pub contrast: bool,
 }
 
 /// Light that comes from directional and ambient lights alone: the shader then has no code for others.
@@ -92,6 +94,9 @@ impl ResolveKey {
         }
         if let Some(sunlight) = self.sunlight {
             defs.extend(sunlight.shader_defs());
+        }
+        if self.contrast {
+            defs.push("TREELINE_CONTRAST".into());
         }
         if self.debug_view != DebugView::Off {
             let view = self.debug_view as u32;

@@ -13,10 +13,14 @@ use serde::Serialize;
 use std::path::Path;
 use wall::{Technique, Wall};
 
-/// Pixels along a side of the largest picture.
+/// Pixels along a side of the largest picture, and of one that has enough trees in less.
 const LARGEST: f32 = 4096.0;
-/// Trees along a side of the largest wall, and of the wall of the truth.
-const MOST_TREES: u32 = 24;
+const ENOUGH: f32 = 1536.0;
+/// Trees along a side of a wall: of the largest, which holds noise at one pixel below 1 %, and of one that shows trees from
+/// enough sides.
+const MOST_TREES: u32 = 128;
+const FEWEST_TREES: u32 = 6;
+/// The same for the wall of the truth.
 const TRUTH_TREES: u32 = 8;
 
 /// What was found at one distance.
@@ -59,15 +63,16 @@ pub fn run(
     );
     println!("   d/d0  distance    pixels    points  coverage  luminance");
     let mut rows: Vec<Row> = vec![];
-    for step in -2.. {
-        let distance_d0 = 2f32.powf(step as f32 * 0.5);
+    for step in -4.. {
+        let distance_d0 = 2f32.powf(step as f32 * 0.25);
         let unit = baked.data.pixel * distance_d0;
         let covered_pixels = coverage / f64::from(unit * unit);
         if covered_pixels < 0.7 {
             break;
         }
         let cell_px = wall.cell / unit;
-        let side = ((LARGEST / cell_px) as u32).clamp(2, MOST_TREES);
+        let fits = |pixels: f32| (pixels / cell_px) as u32;
+        let side = fits(ENOUGH).clamp(FEWEST_TREES, MOST_TREES).min(fits(LARGEST)).max(2);
         let points = wall.draw(Technique::Points, side, cell_px)?;
         let row = Row {
             distance_d0,

@@ -99,7 +99,11 @@ impl Wall {
             .map(|i| {
                 let (column, row) = ((i % side) as f32, (i / side) as f32);
                 let middle = 0.5 * (side as f32 - 1.0);
-                let place = (right * (column - middle) + up * (row - middle)) * self.cell;
+                // Each at another part of a pixel (Roberts' R2 sequence), or all of a row would meet the grid alike.
+                let offset = (Vec2::new(0.754_877_7, 0.569_840_3) * i as f32).fract() * unit;
+                let place = (right * (column - middle) + up * (row - middle)) * self.cell
+                    + right * offset.x
+                    + up * offset.y;
                 // Turned by the golden angle: even over any number of trees.
                 let rotation = Quat::from_rotation_y(i as f32 * 2.399_963);
                 TreeInstance { rotation, ..TreeInstance::at(place - rotation * self.center) }

@@ -126,6 +126,7 @@ fn drawing(ui: &mut egui::Ui, panel: &mut Panel, all: &mut Everything) {
             }
         });
     ui.add(slider(&mut edited.overlap_gain, 0.0..=1.0).text("overlap"));
+    ui.add(slider(&mut edited.contrast, 0.0..=1.0).text("contrast correction"));
     ui.add(slider(&mut edited.min_mesh_distance, 0.0..=150.0).text("meshes to at least, m"));
     ui.add(slider(&mut edited.fade_width, 0.0..=0.9).text("fade band"));
     ui.add(slider(&mut edited.fade_jitter, 0.0..=0.9).text("jitter of the band"));
