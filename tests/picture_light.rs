@@ -2,9 +2,12 @@
 
 mod common;
 
-use bevy::{light::CascadeShadowConfigBuilder, prelude::*};
+use bevy::{
+    core_pipeline::tonemapping::Tonemapping, light::CascadeShadowConfigBuilder, prelude::*,
+};
 use bevy_treeline::{
-    SplatPath, TreeImpostor, TreelineSettings, lod::prefix_count, math::quantize::srgb8_to_linear,
+    Forest, SplatPath, TreeImpostor, TreeInstance, TreelineSettings, lod::prefix_count,
+    math::quantize::srgb8_to_linear,
 };
 use common::{Stage, baked, before, coverage, mean_color};
 
@@ -105,9 +108,21 @@ fn luminance(image: &image::RgbaImage) -> (f32, f32) {
 #[test]
 fn contrast_correction_keeps_the_mean_and_lowers_the_variance() {
     for (distance, lowered) in [(300.0, 0.0..0.9), (60.0, 0.7..1.01)] {
-        let sun = Vec3::new(-0.5, -0.7, -0.5);
-        let Some((mut stage, _)) = planted("contrast", sun, false) else { return };
-        let (camera, image) = stage.view(SIZE * 2, before(TREE, distance));
+        let Some(mut stage) = Stage::new("contrast", SplatPath::Auto) else { return };
+        let tree = stage.tree(TREE, false);
+        stage.light(Vec3::new(-0.5, -0.7, -0.5), false);
+        // Turned every way: the mean is that of the tree, not of one side of it.
+        let bounds = baked(TREE).data.bounds;
+        let trees = (0..64).map(|i| {
+            let rotation = Quat::from_rotation_y(i as f32 * 2.399_963);
+            let place = Vec3::new((i % 8) as f32 - 3.5, (i / 8) as f32 - 3.5, 0.0);
+            let middle = bounds.center() + place * 2.0 * bounds.radius();
+            TreeInstance { rotation, ..TreeInstance::at(middle - rotation * bounds.center()) }
+        });
+        stage.world().spawn(Forest::new([tree]).with(trees));
+        let (camera, image) = stage.view(SIZE * 4, before(TREE, distance));
+        // What display takes is reckoned for Bevy's default.
+        stage.world().entity_mut(camera).insert(Tonemapping::TonyMcMapface);
         let mut shot = |contrast: f32, samples: u32| {
             let settings = TreelineSettings { contrast, samples, ..default() };
             stage.world().entity_mut(camera).insert(settings);
