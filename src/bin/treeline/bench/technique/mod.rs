@@ -121,7 +121,7 @@ pub fn list() -> String {
         let variants = match entry.name {
             "points" => points::variants(),
             "meshlet" => vec![],
-            _ => CameraVariants::NAMES.to_vec(),
+            _ => CameraVariants::NAMES.map(String::from).to_vec(),
         };
         let variants = variants.iter().map(|variant| format!("+{variant}")).collect::<Vec<_>>();
         format!("  {:8} {} {}", entry.name, entry.about, variants.join(" "))
@@ -139,7 +139,7 @@ pub struct CameraVariants {
 }
 
 impl CameraVariants {
-    const NAMES: &'static [&'static str] = &["msaa4", "prepass"];
+    const NAMES: [&'static str; 2] = ["msaa4", "prepass"];
 
     fn parse(variants: &[&str]) -> Result<Self, String> {
         let mut out = Self::default();
@@ -178,11 +178,13 @@ mod tests {
             "lod+msaa4",
             "stock+prepass+msaa4",
             "points+nearmeshes-off",
+            "points+q0.5+mesh20+contrast1",
             "meshlet",
         ] {
             assert!(by_name(name).is_ok(), "{name}");
         }
-        for name in ["", "voxels", "lod+fast", "points+fast", "stock+"] {
+        let unknown = ["", "voxels", "lod+fast", "points+fast", "stock+", "points+q", "points+q99"];
+        for name in unknown {
             let Err(error) = by_name(name) else { panic!("{name} is no technique") };
             assert!(error.contains("lod") && error.contains("msaa4"), "{error}");
         }

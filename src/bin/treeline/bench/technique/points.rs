@@ -16,7 +16,7 @@ use bevy_treeline::{
     CacheLocation, Forest, NearMeshes, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin,
     TreelineSettings, TreelineTaa,
 };
-use std::{collections::BTreeMap, time::Instant};
+use std::{collections::BTreeMap, ops::RangeInclusive, time::Instant};
 
 /// Side of the square of ground whose trees are one forest, metres.
 const FOREST_M: f32 = 192.0;
@@ -57,7 +57,7 @@ struct Variant {
     apply: fn(&mut Points),
 }
 
-/// All variants: `points+name`.
+/// All that go by a name alone: `points+name`.
 const VARIANTS: &[Variant] = &[
     Variant { name: "nearmeshes-off", apply: |points| points.near_meshes = false },
     Variant { name: "occlusion-off", apply: |points| points.settings.occlusion = Occlusion::Off },
@@ -65,13 +65,6 @@ const VARIANTS: &[Variant] = &[
         name: "occlusion-exact",
         apply: |points| points.settings.occlusion = Occlusion::Exact,
     },
-    Variant { name: "q1", apply: |points| points.quality = Some(1.0) },
-    Variant { name: "q2", apply: |points| points.quality = Some(2.0) },
-    Variant { name: "q4", apply: |points| points.quality = Some(4.0) },
-    Variant { name: "mesh12", apply: |points| points.settings.min_mesh_distance = 12.0 },
-    Variant { name: "mesh20", apply: |points| points.settings.min_mesh_distance = 20.0 },
-    Variant { name: "contrast-off", apply: |points| points.settings.contrast = 0.0 },
-    Variant { name: "contrast-full", apply: |points| points.settings.contrast = 1.0 },
     Variant { name: "forward", apply: |points| points.deferred = false },
     Variant { name: "taa", apply: |points| points.taa = true },
     Variant { name: "samples4", apply: |points| points.settings.samples = 4 },
@@ -85,9 +78,55 @@ const VARIANTS: &[Variant] = &[
     },
 ];
 
+/// A setting that a number follows: `points+q0.5`.
+struct Numbered {
+    name: &'static str,
+    range: RangeInclusive<f32>,
+    apply: fn(&mut Points, f32),
+}
+
+/// All of them.
+const NUMBERED: &[Numbered] = &[
+    Numbered {
+        name: "q",
+        range: 0.05..=16.0,
+        apply: |points, quality| points.quality = Some(quality),
+    },
+    Numbered {
+        name: "mesh",
+        range: 0.0..=1e6,
+        apply: |points, metres| points.settings.min_mesh_distance = metres,
+    },
+    Numbered {
+        name: "contrast",
+        range: 0.0..=1.0,
+        apply: |points, strength| points.settings.contrast = strength,
+    },
+];
+
 /// Their names.
-pub fn variants() -> Vec<&'static str> {
-    VARIANTS.iter().map(|variant| variant.name).collect()
+pub fn variants() -> Vec<String> {
+    let named = VARIANTS.iter().map(|variant| variant.name.to_owned());
+    named.chain(NUMBERED.iter().map(|setting| format!("{}<number>", setting.name))).collect()
+}
+
+fn apply(name: &str, points: &mut Points) -> Result<(), String> {
+    if let Some(variant) = VARIANTS.iter().find(|variant| variant.name == name) {
+        (variant.apply)(points);
+        return Ok(());
+    }
+    for Numbered { name: setting, range, apply } in NUMBERED {
+        let number = name.strip_prefix(setting).and_then(|number| number.parse().ok());
+        if let Some(number) = number {
+            if !range.contains(&number) {
+                let (low, high) = (range.start(), range.end());
+                return Err(format!("`{name}`: {setting} goes from {low} to {high}"));
+            }
+            apply(points, number);
+            return Ok(());
+        }
+    }
+    Err(format!("`{name}` is no variant of it"))
 }
 
 pub fn make(names: &[&str]) -> Made {
@@ -102,10 +141,7 @@ pub fn make(names: &[&str]) -> Made {
         surfel_bytes: 0,
     };
     for name in names {
-        let Some(variant) = VARIANTS.iter().find(|variant| variant.name == *name) else {
-            return Err(format!("`{name}` is no variant of it"));
-        };
-        (variant.apply)(&mut points);
+        apply(name, &mut points)?;
     }
     Ok(Box::new(points))
 }
