@@ -144,33 +144,48 @@ fn a_wall_hides_the_forest_behind_it_from_cameras_with_a_prepass() {
     assert!(wrong <= 6, "{wrong} pixels");
 }
 
+/// What a camera shows from far away, nearer and far away again, once all groves are made: counters and picture of each.
+fn flown_by(stage: &mut Stage, (camera, image): &View) -> Vec<(ViewCounters, RgbaImage)> {
+    let middle = Vec3::new(0.0, 0.0, -250.0);
+    let distances = [9000.0, 2500.0, 900.0, 9000.0];
+    let shown = distances.map(|distance| {
+        let place = Transform::from_xyz(0.0, 0.12 * distance, distance);
+        let place = place.looking_at(middle, Vec3::Y);
+        stage.world().entity_mut(*camera).insert(place);
+        // Counters come two frames late.
+        stage.step(4);
+        let made = (0..1000).any(|_| {
+            stage.step(1);
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            stage.find_counters(*camera).is_some_and(|counters| counters.pending_groves == 0)
+        });
+        assert!(made, "groves at {distance} m");
+        stage.step(4);
+        (stage.counters(*camera), stage.capture(image))
+    });
+    shown.into()
+}
+
 #[test]
-fn groves_draw_what_their_trees_would() {
+fn groves_draw_what_their_trees_would_as_cameras_come_and_go() {
     let Some(mut stage) = Stage::new("groves_draw", SplatPath::Auto) else { return };
     let forest = plant(&mut stage, 4000);
-    let middle = Vec3::new(0.0, 0.0, -250.0);
-    let far = Transform::from_xyz(0.0, 300.0, 2500.0).looking_at(middle, Vec3::Y);
-    let (camera, image) = stage.view(SIZE, far);
+    let view = stage.view(SIZE, Transform::IDENTITY);
     let settings = TreelineSettings { occlusion: Occlusion::Off, quality: 1.0, ..default() };
-    stage.world().entity_mut(camera).insert(settings);
-    // The first frames have no groves yet; they are made in the background.
-    let made = (0..1000).any(|_| {
-        stage.step(1);
-        std::thread::sleep(std::time::Duration::from_millis(5));
-        let counters = stage.find_counters(camera).unwrap_or_default();
-        counters.groves > 0 && counters.pending_groves == 0
-    });
-    stage.step(3);
-    let (with, picture) = (stage.counters(camera), stage.capture(&image));
-    assert!(made && with.groves >= 10, "{with:?}");
+    stage.world().entity_mut(view.0).insert(settings);
+    let with = flown_by(&mut stage, &view);
     // The same trees, without.
     stage.world().insert_resource(GroveSettings { samples_per_tree: 0 });
     stage.world().entity_mut(forest).despawn();
     plant(&mut stage, 4000);
-    stage.step(8);
-    let without = stage.counters(camera);
-    assert_eq!(without.groves, 0);
-    assert!(with.items * 4 < without.items, "{} of {}", with.items, without.items);
-    let wrong = different(&picture, &stage.capture(&image));
-    assert!(wrong <= 8, "{wrong} pixels of {}", without.covered_pixels);
+    let without = flown_by(&mut stage, &view);
+    for (i, ((with, picture), (without, expected))) in with.iter().zip(&without).enumerate() {
+        assert!(with.groves >= 10 && without.groves == 0, "{i}: {with:?}");
+        assert!(with.items * 4 < without.items, "{i}: {} of {}", with.items, without.items);
+        let wrong = different(picture, expected);
+        assert!(wrong <= 8, "{i}: {wrong} pixels of {}", without.covered_pixels);
+    }
+    // They keep what is seen of them, and no more.
+    let bytes: Vec<u64> = (0..4).map(|i| with[i].0.tree_bytes - without[i].0.tree_bytes).collect();
+    assert!(bytes[0] * 3 < bytes[1] && bytes[1] < bytes[2] && bytes[3] == bytes[0], "{bytes:?}");
 }

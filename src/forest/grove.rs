@@ -19,8 +19,8 @@ use std::{
     collections::BinaryHeap,
 };
 
-/// Samples of a grove for each of its trees, unless asked otherwise.
-pub const SAMPLES_PER_TREE: usize = 6;
+/// Most samples of a grove for each of its trees, unless asked otherwise.
+pub const SAMPLES_PER_TREE: usize = 16;
 
 /// Most samples of a grove: lengths are kept in 16 bits.
 pub const MOST_SAMPLES: usize = u16::MAX as usize;
@@ -141,8 +141,9 @@ impl PartialEq for Next {
 
 impl Eq for Next {}
 
-/// Lists the first `samples` samples (at most [`MOST_SAMPLES`]) of a block of instances, which are in world space;
-/// `shape_of` is `None` for species that are not resident. Trees of no size, or nowhere, are left out.
+/// Lists the samples of a block of instances, which are in world space: what is drawn at view scales up to `up_to`, but at
+/// most `samples` of them (and [`MOST_SAMPLES`]). `shape_of` is `None` for species that are not resident. Trees of no size,
+/// or nowhere, are left out.
 ///
 /// # Panics
 /// If there are more than 256 instances.
@@ -150,6 +151,7 @@ pub fn grove_list(
     instances: &[GpuTreeInstance],
     shape_of: impl Fn(u16) -> Option<SpeciesShape>,
     samples: usize,
+    up_to: f32,
 ) -> GroveList {
     assert!(instances.len() <= SELECT_WORKGROUP as usize, "a grove is one block of instances");
     let tree = |(lane, instance): (usize, &GpuTreeInstance)| {
@@ -166,7 +168,9 @@ pub fn grove_list(
     let most = samples.min(MOST_SAMPLES);
     // A tree much larger than the others ends the list: nearer than that they are looked at one by one.
     while list.len() < most
-        && waiting.peek().is_some_and(|Reverse(next)| next.rank < MOST_RANKS)
+        && waiting
+            .peek()
+            .is_some_and(|Reverse(next)| next.rank < MOST_RANKS && next.threshold <= up_to)
         && let Some(Reverse(Next { threshold, tree, rank })) = waiting.pop()
     {
         list.push((trees[tree].lane << 8 | rank) as u16);
@@ -264,9 +268,13 @@ mod tests {
         (0..count).map(tree).collect()
     }
 
+    fn packed(trees: &[TreeInstance]) -> Vec<GpuTreeInstance> {
+        trees.iter().map(TreeInstance::compact).collect()
+    }
+
     fn list_of(trees: &[TreeInstance], samples: usize) -> GroveList {
-        let packed: Vec<_> = trees.iter().map(TreeInstance::compact).collect();
-        grove_list(&packed, shape_of, samples)
+        let packed = packed(trees);
+        grove_list(&packed, shape_of, samples, f32::INFINITY)
     }
 
     /// What selection draws of each tree, and the largest view scale.
@@ -339,6 +347,17 @@ mod tests {
             prop_assert!(short.complete_below <= long.complete_below && short.top <= short.complete_below);
             prop_assert_eq!(&short, &list_of(&trees, samples));
         }
+
+        #[test]
+        fn a_list_for_far_views_is_complete_for_them(seed: u64, count in 1usize..=256, octaves in 0.0f32..12.0) {
+            let trees = block(seed, count);
+            let whole = list_of(&trees, count * SAMPLES_PER_TREE);
+            let up_to = whole.top.min(1e12) * (-octaves).exp2();
+            let list = grove_list(&packed(&trees), shape_of, count * SAMPLES_PER_TREE, up_to);
+            prop_assert_eq!(&list.samples[..], &whole.samples[..list.samples.len()]);
+            prop_assert!(list.complete_below > up_to || list.samples.len() == whole.samples.len());
+            prop_assert!(list.top <= up_to && list.complete_below <= whole.complete_below);
+        }
     }
 
     #[test]
@@ -375,7 +394,7 @@ mod tests {
     #[test]
     fn a_prefix_far_away_is_short() {
         let trees = block(3, 256);
-        let list = list_of(&trees, 256 * SAMPLES_PER_TREE);
+        let list = list_of(&trees, 256 * 6);
         let lengths =
             [1.0, 0.25, 1.0 / 16.0, 1e-9].map(|share| list.prefix_length(list.top * share));
         assert_eq!(lengths[0], 1536);

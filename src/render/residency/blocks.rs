@@ -18,6 +18,10 @@ pub(in crate::render) struct TileBlocks {
     pub all: Vec<GpuInstanceBlock>,
     /// Its part of the groves' samples, in words of two.
     pub samples: Range<u32>,
+    /// Largest view scale that its groves were made for; 0 until they are.
+    pub made_for: f32,
+    /// They are as long as they may be: nearer views get no more.
+    pub is_full: bool,
     complete_below: f32,
 }
 

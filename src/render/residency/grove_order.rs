@@ -1,16 +1,20 @@
-//! Which groves are made first: those of what a camera shows, the nearest before the others.
+//! Which groves are made first: those of what a camera shows, the nearest before the others; and for which view scales.
 //!
 //! A tile without groves costs a look at each of its trees in every frame that shows it, and nothing in others. In: boxes of tiles,
 //! cameras; out: an order that depends on nothing else. O(tiles · (cameras + log tiles)).
 
-use crate::math::bounding::Aabb;
+use crate::{forest::view_scale, math::bounding::Aabb};
 use bevy::math::{Vec3, Vec4};
 
-/// A camera, as far as that order goes.
+/// A camera, as far as groves go.
 pub(super) struct Onlooker {
     pub eye: Vec3,
     /// Planes (normal, distance) that look inwards.
     pub planes: Vec<Vec4>,
+    pub quality: f32,
+    /// `Z0`.
+    pub pixels_per_unit: f32,
+    pub orthographic: bool,
 }
 
 impl Onlooker {
@@ -25,6 +29,17 @@ impl Onlooker {
     fn distance_squared(&self, bounds: &Aabb) -> f32 {
         self.eye.clamp(bounds.min, bounds.max.max(bounds.min)).distance_squared(self.eye)
     }
+
+    /// The largest view scale of what is in a box.
+    fn view_scale(&self, bounds: &Aabb) -> f32 {
+        let nearest = if self.orthographic { 1.0 } else { self.distance_squared(bounds).sqrt() };
+        view_scale(self.quality, self.pixels_per_unit, nearest)
+    }
+}
+
+/// The largest view scale at which any camera may draw what is in a box; 0 without cameras.
+pub(super) fn largest_view_scale(bounds: &Aabb, onlookers: &[Onlooker]) -> f32 {
+    onlookers.iter().map(|onlooker| onlooker.view_scale(bounds)).fold(0.0, f32::max)
 }
 
 /// Indices of boxes, the most urgent first: what some camera shows before the rest, each nearest first; ties go by index.
@@ -58,7 +73,8 @@ mod tests {
     /// Looks along an axis, 90 degrees wide.
     fn looking(eye: Vec3, along: Vec3, aside: Vec3) -> Onlooker {
         let planes = [along + aside, along - aside].map(|n| n.normalize().extend(0.0));
-        Onlooker { eye, planes: planes.map(|p| p - Vec4::W * p.truncate().dot(eye)).to_vec() }
+        let planes = planes.map(|p| p - Vec4::W * p.truncate().dot(eye)).to_vec();
+        Onlooker { eye, planes, quality: 2.0, pixels_per_unit: 500.0, orthographic: false }
     }
 
     fn around(x: f32, z: f32) -> Aabb {
@@ -90,6 +106,21 @@ mod tests {
         let expected = [0, 1, 2, 3];
         assert_eq!(by_urgency(&boxes, &[north(), south()]), expected);
         assert_eq!(by_urgency(&boxes, &[south(), north()]), expected);
+    }
+
+    #[test]
+    fn the_nearest_camera_decides_how_much_of_a_grove_is_needed() {
+        let north = || looking(Vec3::ZERO, Vec3::NEG_Z, Vec3::X);
+        let bounds = around(0.0, -1010.0);
+        let near = Onlooker { eye: Vec3::new(0.0, 0.0, -1520.0), ..north() };
+        let at_1000_m = 2.0 * 0.5 * 0.5;
+        assert!((largest_view_scale(&bounds, &[north()]) - at_1000_m).abs() < 1e-5);
+        assert!((largest_view_scale(&bounds, &[north(), near]) - at_1000_m * 4.0).abs() < 1e-5);
+        let parallel = Onlooker { pixels_per_unit: 3.0, orthographic: true, ..north() };
+        assert_eq!(largest_view_scale(&bounds, &[parallel]), 18.0);
+        assert_eq!(largest_view_scale(&bounds, &[]), 0.0);
+        let inside = largest_view_scale(&around(0.0, 0.0), &[north()]);
+        assert!(inside > 1e9, "{inside}");
     }
 
     #[test]

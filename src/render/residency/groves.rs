@@ -1,16 +1,18 @@
 //! Groves: the blocks of far trees as ordered lists of samples, made in the background.
 //!
-//! In: tiles that were packed, cameras; out: samples on the GPU, and the blocks of the tile told where they lie. Until then, and
-//! where there is no room, the trees of a block are looked at one by one: the picture is the same. Cost: about 0.1 ms a
+//! In: tiles, cameras; out: samples on the GPU, and the blocks of the tile told where they lie. Until then, and
+//! where there is no room, the trees of a block are looked at one by one: the picture is the same. A grove keeps what cameras
+//! at two thirds of their distance would draw of it, and is made again when one comes nearer, or all are far away. Cost: about 0.1 ms a
 //! block, off the main thread; a write a tile.
 
 use super::{
     blocks::TileBlocks,
     grove_order::{Onlooker, by_urgency},
-    surfels::SurfelPool,
+    packing::{WorldFromForest, pack_forest},
+    surfels::{SpeciesSlot, SurfelPool},
 };
 use crate::{
-    forest::{GroveList, SpeciesShape, grove_list},
+    forest::{GroveList, PackedTree, SpeciesShape, grove_list},
     gpu::{
         slice_buffer::SliceBuffer,
         types::{GpuTreeInstance, SELECT_WORKGROUP},
@@ -31,16 +33,55 @@ const WRITE_BYTES: usize = 8 << 20;
 /// Smallest scale of a view that groves are made for: pixels per world unit at distance 1.
 const LEAST_PIXELS_PER_UNIT: f32 = 400.0;
 
+/// View scales are square in distance: groves are made for those of two thirds of the distance.
+const LEAD: f32 = 2.25;
+/// By how much view scales may grow until what was made for them is too little.
+const MARGIN: f32 = 1.5;
+/// How many times more than would be made now is too much: 5 times the distance.
+const WASTE: f32 = 25.0;
+
+/// The trees of a tile.
+pub(super) struct Trees {
+    pub instances: Arc<Vec<PackedTree>>,
+    /// Place in the slice of each tree of the forest. Empty: as they come.
+    pub places: Arc<Vec<u32>>,
+    pub world_from_forest: WorldFromForest,
+    pub species: Vec<SpeciesSlot>,
+}
+
+impl Trees {
+    /// As they lie in the slice.
+    fn pack(&self) -> Vec<GpuTreeInstance> {
+        let mut order: Vec<u32> = (0..self.instances.len() as u32).collect();
+        for (tree, place) in (0u32..).zip(self.places.iter()) {
+            order[*place as usize] = tree;
+        }
+        let mut out = Vec::with_capacity(order.len());
+        pack_forest(&self.instances, &order, &self.world_from_forest, &self.species, &mut out);
+        out
+    }
+}
+
 /// A tile whose groves are to be made.
-struct Request {
-    tile: Entity,
+pub(super) struct Request {
+    pub tile: Entity,
     /// Tells the tile from a later one of the same entity.
-    revision: u64,
-    bounds: Aabb,
-    instances: Vec<GpuTreeInstance>,
-    samples_per_tree: usize,
+    pub revision: u64,
+    pub bounds: Aabb,
+    pub trees: Trees,
+    pub samples_per_tree: usize,
+    /// Largest view scale that they are for.
+    pub up_to: f32,
     /// End of the tile's view range.
-    fade_end: f32,
+    pub fade_end: f32,
+}
+
+/// The view scale that the groves of a tile are to be made for, if what they were made for will not do: `k` is the largest
+/// at which a camera sees it.
+pub(super) fn wanted_scale(blocks: &TileBlocks, k: f32) -> Option<f32> {
+    let lacks = k * MARGIN > blocks.made_for && !blocks.is_full;
+    let wastes = blocks.made_for > k * (LEAD * WASTE);
+    (lacks || wastes).then_some(k * LEAD)
 }
 
 /// The samples of all groves.
@@ -48,14 +89,21 @@ pub(super) struct Groves {
     /// Two a word.
     pub samples: SliceBuffer,
     requests: Vec<Request>,
-    tasks: Vec<(Entity, u64, Task<Vec<GroveList>>)>,
+    tasks: Vec<(Entity, u64, Task<Lists>)>,
+}
+
+/// The groves of a tile's blocks.
+struct Lists {
+    all: Vec<GroveList>,
+    made_for: f32,
+    is_full: bool,
 }
 
 /// What the groves of a tile are.
 pub(super) struct Grown {
     pub tile: Entity,
     pub revision: u64,
-    lists: Vec<GroveList>,
+    lists: Lists,
 }
 
 impl Groves {
@@ -72,20 +120,15 @@ impl Groves {
         self.requests.len() + self.tasks.len()
     }
 
-    /// Asks for the groves of a tile.
-    pub fn request(
-        &mut self,
-        tile: Entity,
-        revision: u64,
-        bounds: Aabb,
-        instances: &[GpuTreeInstance],
-        samples_per_tree: usize,
-        fade_end: f32,
-    ) {
-        self.forget(tile);
-        let instances = instances.to_vec();
-        let request = Request { tile, revision, bounds, instances, samples_per_tree, fade_end };
+    /// Asks for the groves of a tile that waits for none.
+    pub fn request(&mut self, request: Request) {
         self.requests.push(request);
+    }
+
+    /// Gives back the samples of a tile.
+    pub fn release(&mut self, blocks: &mut TileBlocks) {
+        let samples = std::mem::take(&mut blocks.samples);
+        self.samples.release(samples.start, samples.len() as u32);
     }
 
     /// Nobody wants those of this tile any more.
@@ -120,7 +163,7 @@ impl Groves {
             && let Some((tile, revision, task)) = self.tasks.first_mut()
             && let Some(lists) = block_on(poll_once(task))
         {
-            bytes += lists.iter().map(|list| list.samples.len() * 2).sum::<usize>();
+            bytes += lists.all.iter().map(|list| list.samples.len() * 2).sum::<usize>();
             ready.push(Grown { tile: *tile, revision: *revision, lists });
             drop(self.tasks.remove(0));
         }
@@ -128,7 +171,7 @@ impl Groves {
         ready
     }
 
-    /// Writes the samples of a tile and tells its blocks. False: there is no room.
+    /// Writes the samples of a tile and tells its blocks, in place of those that it had. False: there is no room.
     pub fn place(
         &mut self,
         grown: Grown,
@@ -136,8 +179,10 @@ impl Groves {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        let samples: Vec<u16> =
-            grown.lists.iter().flat_map(|list| &list.samples).copied().collect();
+        let Lists { all, made_for, is_full } = grown.lists;
+        // Also where there is no room: who asks again would get no more.
+        (blocks.made_for, blocks.is_full) = (made_for, is_full);
+        let samples: Vec<u16> = all.iter().flat_map(|list| &list.samples).copied().collect();
         let words: Vec<u32> = samples
             .chunks(2)
             .map(|two| u32::from(two[0]) | u32::from(*two.get(1).unwrap_or(&0)) << 16)
@@ -146,20 +191,24 @@ impl Groves {
             return false;
         };
         self.samples.write(first, bytemuck::cast_slice(&words), queue);
-        blocks.set_groves(first, &grown.lists);
+        self.release(blocks);
+        blocks.set_groves(first, &all);
         true
     }
 }
 
 /// The groves of a tile's blocks. Those that no view would use are empty.
-fn grow(request: &Request, shapes: &[Option<SpeciesShape>]) -> Vec<GroveList> {
-    let blocks = request.instances.chunks(SELECT_WORKGROUP as usize);
+fn grow(request: &Request, shapes: &[Option<SpeciesShape>]) -> Lists {
+    let (instances, up_to) = (request.trees.pack(), request.up_to);
+    let mut is_full = true;
     let list = |block: &[GpuTreeInstance]| {
         let shape = |index: u16| shapes.get(usize::from(index)).copied().flatten();
-        let list = grove_list(block, shape, block.len() * request.samples_per_tree);
+        let list = grove_list(block, shape, block.len() * request.samples_per_tree, up_to);
+        is_full &= list.complete_below <= up_to;
         // The view scale grows towards the eye: a grove begins where it has fallen to `complete_below`.
         let begin = LEAST_PIXELS_PER_UNIT / list.complete_below.sqrt();
         if begin < request.fade_end { list } else { GroveList::default() }
     };
-    blocks.map(list).collect()
+    let all = instances.chunks(SELECT_WORKGROUP as usize).map(list).collect();
+    Lists { all, made_for: up_to, is_full }
 }

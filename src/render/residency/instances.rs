@@ -6,11 +6,11 @@
 //! on the GPU. Cost: nothing while nothing changes; else a look at each forest, and the trees of those that changed.
 
 mod buffers;
+mod growing;
 mod impostors;
 
 use super::{
     blocks::TileBlocks,
-    grove_order::Onlooker,
     groves::Groves,
     packing::{WorldFromForest, pack_forest},
     surfels::{SpeciesSlot, SurfelPool},
@@ -26,20 +26,20 @@ use crate::{
     render::extract::{ExtractedForest, ExtractedTrees},
 };
 use bevy::{
-    camera::{primitives::Frustum, visibility::RenderLayers},
+    camera::visibility::RenderLayers,
     ecs::entity::EntityHashMap,
     platform::collections::HashMap,
     prelude::*,
     render::{
         render_resource::Buffer,
         renderer::{RenderDevice, RenderQueue},
-        view::ExtractedView,
     },
 };
 use std::sync::Arc;
 
 pub(in crate::render) use buffers::InstanceBuffers;
 use buffers::Writer;
+use growing::OnlookerQuery;
 use impostors::{ImpostorRun, ImpostorSlice};
 
 /// Instances of a unit of the allocator: slices begin and end at multiples, as `GROVE_UNIT` in WGSL. A tile of a few trees
@@ -63,9 +63,11 @@ pub(in crate::render) struct Tile {
     instances: Arc<Vec<PackedTree>>,
     world_from_forest: WorldFromForest,
     /// Place in the slice of each tree of the forest. Empty: as they come.
-    places: Vec<u32>,
+    places: Arc<Vec<u32>>,
     species: Vec<SpeciesSlot>,
     packed_revision: u64,
+    /// Groves are in the making.
+    is_growing: bool,
 }
 
 /// All instances.
@@ -120,7 +122,7 @@ pub(in crate::render) fn prepare_instances(
     mut pool: ResMut<InstancePool>,
     surfels: Res<SurfelPool>,
     trees: Res<ExtractedTrees>,
-    cameras: Query<(&ExtractedView, &Frustum), With<Camera3d>>,
+    cameras: Query<OnlookerQuery, With<Camera3d>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -131,15 +133,7 @@ pub(in crate::render) fn prepare_instances(
     if is_behind {
         pool.update_forests(&trees, &surfels, &mut writer);
     }
-    if pool.pending_groves() > 0 {
-        let onlooker = |(view, frustum): (&ExtractedView, &Frustum)| Onlooker {
-            eye: view.world_from_view.translation(),
-            // Not the far plane: projections are infinite.
-            planes: frustum.half_spaces[..5].iter().map(|plane| plane.normal_d()).collect(),
-        };
-        let onlookers: Vec<Onlooker> = cameras.iter().map(onlooker).collect();
-        pool.update_groves(&surfels, &onlookers, &device, &queue);
-    }
+    pool.grow_groves(&surfels, &cameras, trees.groves.samples_per_tree, &writer);
     pool.update_impostors(&trees, &surfels, &mut writer);
     pool.flag_near_trees(&trees, &queue);
     pool.count = pool.impostors.iter().map(|run| run.count).sum::<u32>()
@@ -163,23 +157,6 @@ impl InstancePool {
             u64::from(self.slices.used()) * u64::from(UNIT) * size_of::<GpuTreeInstance>() as u64;
         let blocks = u64::from(self.blocks.used()) * size_of::<GpuInstanceBlock>() as u64;
         instances + blocks + u64::from(self.groves.samples.used()) * 4
-    }
-
-    fn update_groves(
-        &mut self,
-        surfels: &SurfelPool,
-        onlookers: &[Onlooker],
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) {
-        for grown in self.groves.update(surfels, onlookers) {
-            let Some(tile) = self.tiles.get_mut(&grown.tile) else { continue };
-            if tile.packed_revision == grown.revision
-                && self.groves.place(grown, &mut tile.blocks, device, queue)
-            {
-                self.blocks.write(tile.blocks.first, bytemuck::cast_slice(&tile.blocks.all), queue);
-            }
-        }
     }
 
     fn update_forests(
@@ -253,13 +230,6 @@ impl InstancePool {
             to_come = to_come.saturating_sub(units_of(&entity));
             writer.seek(first, self.buffers.as_ref());
             if let Some(tile) = self.pack_tile(forest, first, slots_of(forest), writer) {
-                let packed = &writer.data[writer.data.len() - tile.count as usize..];
-                let fade_end = forest.view_range.end;
-                let (revision, samples) = (forest.packed_revision, trees.groves.samples_per_tree);
-                if samples > 0 {
-                    let bounds = tile.bounds;
-                    self.groves.request(entity, revision, bounds, packed, samples, fade_end);
-                }
                 self.tiles.insert(entity, tile);
             } else {
                 self.slices.release(first / UNIT, units_of(&entity));
@@ -311,18 +281,20 @@ impl InstancePool {
             blocks,
             instances: instances.clone(),
             world_from_forest,
-            places,
+            places: Arc::new(places),
             species,
             packed_revision: forest.packed_revision,
+            is_growing: false,
         })
     }
 
     fn remove_tile(&mut self, entity: Entity) {
-        self.groves.forget(entity);
-        let Some(tile) = self.tiles.remove(&entity) else { return };
+        let Some(mut tile) = self.tiles.remove(&entity) else { return };
+        if tile.is_growing {
+            self.groves.forget(entity);
+        }
         self.blocks.release(tile.blocks.first, tile.blocks.all.len() as u32);
-        let samples = &tile.blocks.samples;
-        self.groves.samples.release(samples.start, samples.len() as u32);
+        self.groves.release(&mut tile.blocks);
         let units = units(tile.count as usize);
         self.slices.release(tile.first / UNIT, units);
         let end = tile.first + units * UNIT;

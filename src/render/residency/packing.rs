@@ -51,6 +51,7 @@ pub(super) fn measure_blocks(
 }
 
 /// Where the trees of a forest stand in the world.
+#[derive(Clone, Copy)]
 pub(super) struct WorldFromForest {
     transform: Affine3A,
     /// Tiles are moved and seldom turned.
