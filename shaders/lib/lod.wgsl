@@ -27,7 +27,7 @@ fn d_zero(s: f32, z0: f32) -> f32 {
 }
 
 const FULL_POINTS: f32 = 4096.0;
-const LEAST_SHARE: f32 = 0.25;
+const LEAST_SHARE: f32 = 0.125;
 
 fn thinned(n: f32) -> f32 {
     return n * clamp(sqrt(n / FULL_POINTS), LEAST_SHARE, 1.0);

@@ -20,7 +20,7 @@ use std::{
 };
 
 /// Most samples of a grove for each of its trees, unless asked otherwise.
-pub const SAMPLES_PER_TREE: usize = 16;
+pub const SAMPLES_PER_TREE: usize = 10;
 
 /// Most samples of a grove: lengths are kept in 16 bits.
 pub const MOST_SAMPLES: usize = u16::MAX as usize;
@@ -398,7 +398,8 @@ mod tests {
         let lengths =
             [1.0, 0.25, 1.0 / 16.0, 1e-9].map(|share| list.prefix_length(list.top * share));
         assert_eq!(lengths[0], 1536);
-        assert!((345..435).contains(&lengths[1]) && (75..150).contains(&lengths[2]), "{lengths:?}");
+        // Large trees, of many points, are thinned less.
+        assert!((280..390).contains(&lengths[1]) && (75..150).contains(&lengths[2]), "{lengths:?}");
         assert!(lengths[3] < 10);
     }
 }

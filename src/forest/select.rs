@@ -204,7 +204,9 @@ mod tests {
             let tree = TreeInstance::at(Vec3::new(0.0, -5.0, -d)).with_scale(1.0);
             let draw = select_instance(&view, &settings, &shape(), &tree, ALWAYS, false).draw;
             let area = draw.count as f32 * draw.radius * draw.radius * std::f32::consts::PI;
-            assert!((area / 60.0 - 1.0).abs() < 0.05, "{area} m² at {d} m");
+            // Whole points, of a size for as many as are wanted.
+            let allowed = 0.05 + 1.0 / draw.count as f32;
+            assert!((area / 60.0 - 1.0).abs() < allowed, "{area} m² at {d} m");
         }
     }
 

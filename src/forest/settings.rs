@@ -234,7 +234,7 @@ pub struct UploadBudget {
 #[reflect(Resource, Default)]
 pub struct GroveSettings {
     /// Most points kept of each tree, on average: a grove serves where its trees get fewer. 2 bytes of GPU memory each; groves keep
-    /// only what cameras at two thirds of their distance would see. 0: no groves. Default: 16.
+    /// only what cameras at two thirds of their distance would see. 0: no groves. Default: 10.
     pub samples_per_tree: usize,
 }
 

@@ -16,7 +16,7 @@ pub fn d0(s: f32, z0: f32) -> f32 {
 pub const FULL_POINTS: f32 = 4096.0;
 
 /// Share of its points that no tree goes below: see [`thinned`].
-pub const LEAST_SHARE: f32 = 0.25;
+pub const LEAST_SHARE: f32 = 0.125;
 
 /// Points of a tree that would have `n` if it had as many a pixel as a near one. What is in front of each other in a small
 /// crown is not told apart, and the splats of fewer points are as much larger: `n` from [`FULL_POINTS`] on, `n^1.5` below,
@@ -63,8 +63,8 @@ mod tests {
 
     #[test]
     fn small_trees_get_fewer_points_a_pixel_and_never_more_by_distance() {
-        let thin = [8192.0, 4096.0, 1024.0, 256.0, 4.0].map(thinned);
-        assert_eq!(thin, [8192.0, 4096.0, 512.0, 64.0, 1.0]);
+        let thin = [8192.0, 4096.0, 1024.0, 256.0, 64.0, 4.0].map(thinned);
+        assert_eq!(thin, [8192.0, 4096.0, 512.0, 64.0, 8.0, 0.5]);
         for n in (0..8000).map(|i| f64::from(i) * 0.7) {
             let back = f64::from(thinned(unthinned(n) as f32));
             assert!((back - n).abs() <= 1e-6 * n, "{n} {back}");
