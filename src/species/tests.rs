@@ -256,11 +256,15 @@ proptest! {
     fn any_seed_and_season_gives_a_plant_on_the_ground(
         index in 10usize..14, seed: u64, autumn in 0.0f32..=1.0,
     ) {
-        let species = known(species_names()[index]);
+        let name = species_names()[index];
+        let species = known(name);
         let tree = grow(&species, seed, autumn);
         let bounds = tree.bounds();
+        // How high a shrub is depends on how far its stems lean: of 3,000, from 0.78 to 1.13.
+        let tolerance = if name == "shrub" { 0.3 } else { 0.12 };
         prop_assert!(bounds.min.y.abs() < 1e-4);
-        prop_assert!((bounds.max.y / species.height_m() - 1.0).abs() < 0.16, "{bounds:?}");
+        let height = bounds.max.y / species.height_m();
+        prop_assert!((height - 1.0).abs() < tolerance, "{name}: {height}, {bounds:?}");
         prop_assert!(tree.triangle_count() > 100);
     }
 
