@@ -12,9 +12,9 @@ use std::fmt;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Version of the bake. Raise it when equal models and settings give other points than before: it is part of every
-/// key, so older entries are no longer found.
-pub const BAKE_VERSION: u32 = 5;
+/// Version of the bake. Raise it when equal models and settings give other points or factors than before: it is part of
+/// every key, so older entries are no longer found.
+pub const BAKE_VERSION: u32 = 6;
 
 /// The environment variable that names the cache folder.
 pub const CACHE_DIR_VARIABLE: &str = "TREELINE_CACHE_DIR";

@@ -48,6 +48,11 @@ impl Aabb {
         (self.min + self.max) * 0.5
     }
 
+    /// Square of the distance from a point to the nearest of the box; 0 inside, infinite if it is empty.
+    pub fn distance_squared(&self, point: Vec3) -> f32 {
+        point.clamp(self.min, self.max.max(self.min)).distance_squared(point)
+    }
+
     /// Half the diagonal: radius of the sphere around the box.
     pub fn radius(&self) -> f32 {
         self.extent().length() * 0.5

@@ -60,20 +60,15 @@ impl TileView<'_> {
         });
         let beyond = !self.orthographic
             && view_range.is_bounded()
-            && self.distance_squared(bounds).sqrt() - slack > view_range.end;
+            && bounds.distance_squared(self.eye).sqrt() - slack > view_range.end;
         !outside && !beyond && layers.intersects(self.layers)
-    }
-
-    /// From the eye to the box.
-    fn distance_squared(&self, bounds: &Aabb) -> f32 {
-        self.eye.clamp(bounds.min, bounds.max.max(bounds.min)).distance_squared(self.eye)
     }
 
     /// Whether a block of a tile may be so near that its grove lacks points.
     fn lists(&self, tile: &Tile) -> bool {
         let nearest = match self.orthographic {
             true => 1.0,
-            false => self.distance_squared(&tile.bounds).sqrt(),
+            false => tile.bounds.distance_squared(self.eye).sqrt(),
         };
         // The GPU rounds, too.
         let k = view_scale(self.quality, self.pixels_per_unit, nearest) * 1.001;
@@ -86,7 +81,7 @@ impl TileView<'_> {
     fn order(&self, tile: &Tile) -> [f32; 5] {
         let center = tile.bounds.center();
         let to_center = center.distance_squared(self.eye);
-        [self.distance_squared(&tile.bounds), to_center, center.x, center.y, center.z]
+        [tile.bounds.distance_squared(self.eye), to_center, center.x, center.y, center.z]
     }
 }
 

@@ -26,13 +26,10 @@ impl Onlooker {
         })
     }
 
-    fn distance_squared(&self, bounds: &Aabb) -> f32 {
-        self.eye.clamp(bounds.min, bounds.max.max(bounds.min)).distance_squared(self.eye)
-    }
-
     /// The largest view scale of what is in a box.
     fn view_scale(&self, bounds: &Aabb) -> f32 {
-        let nearest = if self.orthographic { 1.0 } else { self.distance_squared(bounds).sqrt() };
+        let nearest =
+            if self.orthographic { 1.0 } else { bounds.distance_squared(self.eye).sqrt() };
         view_scale(self.quality, self.pixels_per_unit, nearest)
     }
 }
@@ -49,7 +46,7 @@ pub(super) fn by_urgency(boxes: &[Aabb], onlookers: &[Onlooker]) -> Vec<usize> {
             onlookers
                 .iter()
                 .filter(move |onlooker| onlooker.shows(bounds) == shown)
-                .map(|onlooker| onlooker.distance_squared(bounds))
+                .map(|onlooker| bounds.distance_squared(onlooker.eye))
                 .reduce(f32::min)
         };
         match distances(true) {

@@ -40,8 +40,9 @@ const MARGIN: f32 = 1.5;
 /// How many times more than would be made now is too much: 5 times the distance.
 const WASTE: f32 = 25.0;
 
-/// The trees of a tile.
-pub(super) struct Trees {
+/// The trees of a tile. Cheap to clone.
+#[derive(Clone)]
+pub(in crate::render) struct Trees {
     pub instances: Arc<Vec<PackedTree>>,
     /// Place in the slice of each tree of the forest. Empty: as they come.
     pub places: Arc<Vec<u32>>,

@@ -11,12 +11,11 @@ mod impostors;
 
 use super::{
     blocks::TileBlocks,
-    groves::Groves,
+    groves::{Groves, Trees},
     packing::{WorldFromForest, pack_forest},
     surfels::{SpeciesSlot, SurfelPool},
 };
 use crate::{
-    forest::PackedTree,
     gpu::{
         slice_buffer::SliceBuffer,
         types::{GpuInstanceBlock, GpuTreeInstance, INSTANCE_HAS_MESH, SELECT_WORKGROUP},
@@ -60,11 +59,7 @@ pub(in crate::render) struct Tile {
     pub view_range: ViewRange,
     pub layers: RenderLayers,
     pub blocks: TileBlocks,
-    instances: Arc<Vec<PackedTree>>,
-    world_from_forest: WorldFromForest,
-    /// Place in the slice of each tree of the forest. Empty: as they come.
-    places: Arc<Vec<u32>>,
-    species: Vec<SpeciesSlot>,
+    trees: Trees,
     packed_revision: u64,
     /// Groves are in the making.
     is_growing: bool,
@@ -195,7 +190,7 @@ impl InstancePool {
                 tile.layers = forest.layers.clone();
             }
             if tile.packed_revision != forest.packed_revision
-                || species_changed && tile.species != slots_of(forest)
+                || species_changed && tile.trees.species != slots_of(forest)
             {
                 stale.push((forest.packed_revision, entity));
             }
@@ -279,10 +274,12 @@ impl InstancePool {
             view_range: forest.view_range,
             layers: forest.layers.clone(),
             blocks,
-            instances: instances.clone(),
-            world_from_forest,
-            places: Arc::new(places),
-            species,
+            trees: Trees {
+                instances: instances.clone(),
+                places: Arc::new(places),
+                world_from_forest,
+                species,
+            },
             packed_revision: forest.packed_revision,
             is_growing: false,
         })
@@ -339,9 +336,10 @@ impl InstancePool {
         let mut now: HashMap<u32, u32> = default();
         for near in &trees.near {
             let Some(tile) = self.tiles.get(&near.owner) else { continue };
-            let Some(packed) = tile.instances.get(near.index as usize) else { continue };
-            let place = tile.places.get(near.index as usize).copied().unwrap_or(near.index);
-            let (tree, _) = tile.world_from_forest.pack(packed, &tile.species);
+            let trees = &tile.trees;
+            let Some(packed) = trees.instances.get(near.index as usize) else { continue };
+            let place = trees.places.get(near.index as usize).copied().unwrap_or(near.index);
+            let (tree, _) = trees.world_from_forest.pack(packed, &trees.species);
             let (index, word) = (tile.first + place, tree.look.species_scale);
             if self.flagged.get(&index) != Some(&word) {
                 buffers.write_species(index, word | INSTANCE_HAS_MESH, queue);

@@ -3,7 +3,7 @@
 use super::{
     super::{
         grove_order::{Onlooker, largest_view_scale},
-        groves::{Request, Trees, wanted_scale},
+        groves::{Request, wanted_scale},
     },
     InstancePool, SurfelPool,
     buffers::Writer,
@@ -70,12 +70,7 @@ impl InstancePool {
                 tile: entity,
                 revision: tile.packed_revision,
                 bounds: tile.bounds,
-                trees: Trees {
-                    instances: tile.instances.clone(),
-                    places: tile.places.clone(),
-                    world_from_forest: tile.world_from_forest,
-                    species: tile.species.clone(),
-                },
+                trees: tile.trees.clone(),
                 samples_per_tree,
                 up_to,
                 fade_end: tile.view_range.end,

@@ -16,7 +16,7 @@ use bevy_treeline::{
     CacheLocation, Forest, NearMeshes, Occlusion, TreeInstance, TreelineCounters, TreelinePlugin,
     TreelineSettings, TreelineTaa,
 };
-use std::{collections::BTreeMap, ops::RangeInclusive, time::Instant};
+use std::{collections::BTreeMap, time::Instant};
 
 /// Side of the square of ground whose trees are one forest, metres.
 const FOREST_M: f32 = 192.0;
@@ -81,27 +81,14 @@ const VARIANTS: &[Variant] = &[
 /// A setting that a number follows: `points+q0.5`.
 struct Numbered {
     name: &'static str,
-    range: RangeInclusive<f32>,
     apply: fn(&mut Points, f32),
 }
 
 /// All of them.
 const NUMBERED: &[Numbered] = &[
-    Numbered {
-        name: "q",
-        range: 0.05..=16.0,
-        apply: |points, quality| points.quality = Some(quality),
-    },
-    Numbered {
-        name: "mesh",
-        range: 0.0..=1e6,
-        apply: |points, metres| points.settings.min_mesh_distance = metres,
-    },
-    Numbered {
-        name: "contrast",
-        range: 0.0..=1.0,
-        apply: |points, strength| points.settings.contrast = strength,
-    },
+    Numbered { name: "q", apply: |points, quality| points.quality = Some(quality) },
+    Numbered { name: "mesh", apply: |points, metres| points.settings.min_mesh_distance = metres },
+    Numbered { name: "contrast", apply: |points, strength| points.settings.contrast = strength },
 ];
 
 /// Their names.
@@ -115,18 +102,18 @@ fn apply(name: &str, points: &mut Points) -> Result<(), String> {
         (variant.apply)(points);
         return Ok(());
     }
-    for Numbered { name: setting, range, apply } in NUMBERED {
-        let number = name.strip_prefix(setting).and_then(|number| number.parse().ok());
-        if let Some(number) = number {
-            if !range.contains(&number) {
-                let (low, high) = (range.start(), range.end());
-                return Err(format!("`{name}`: {setting} goes from {low} to {high}"));
-            }
-            apply(points, number);
-            return Ok(());
-        }
+    let number_of = |setting: &Numbered| name.strip_prefix(setting.name)?.parse::<f32>().ok();
+    let known = NUMBERED.iter().find_map(|setting| Some((setting, number_of(setting)?)));
+    let Some((setting, number)) = known else {
+        return Err(format!("`{name}` is no variant of it"));
+    };
+    (setting.apply)(points, number);
+    let quality = points.quality.unwrap_or(points.settings.quality);
+    let (_, moved) = TreelineSettings { quality, ..points.settings.clone() }.clamped();
+    match moved.first() {
+        Some(field) => Err(format!("`{name}` is out of the range of `TreelineSettings::{field}`")),
+        None => Ok(()),
     }
-    Err(format!("`{name}` is no variant of it"))
 }
 
 pub fn make(names: &[&str]) -> Made {
